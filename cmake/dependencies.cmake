@@ -1,0 +1,23 @@
+# Every third-party library, found once. Which module may include which is in scripts/check_layers.
+find_package(Threads REQUIRED)
+find_package(PkgConfig REQUIRED)
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(fmt 9 REQUIRED)
+find_package(yaml-cpp 0.7 REQUIRED)
+find_package(assimp 5.2 REQUIRED)
+find_package(embree 3.13 REQUIRED)
+find_package(fcl 0.7 REQUIRED)
+find_package(urdfdom REQUIRED)
+find_package(HDF5 REQUIRED COMPONENTS C)
+find_package(CLI11 2.1 REQUIRED)
+find_package(nlohmann_json 3.11 REQUIRED)
+find_package(PNG REQUIRED)
+pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)
+
+# Third-party headers are SYSTEM so that our warnings stay about our code.
+foreach(target embree fcl assimp::assimp yaml-cpp)
+  get_target_property(directories ${target} INTERFACE_INCLUDE_DIRECTORIES)
+  if(directories)
+    set_target_properties(${target} PROPERTIES INTERFACE_SYSTEM_INCLUDE_DIRECTORIES "${directories}")
+  endif()
+endforeach()

@@ -1,0 +1,32 @@
+# Flags of our own code. No -ffast-math (misses are +inf) and no FP contraction (equal results on every machine).
+add_library(handhold_flags INTERFACE)
+target_compile_options(handhold_flags INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion
+                                                -Werror -ffp-contract=off)
+# gcc 12 sees overlapping copies in std::string's operator+ (its bug 105651).
+target_compile_options(handhold_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
+target_include_directories(handhold_flags INTERFACE $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}/src>)
+
+# handhold_module(NAME SOURCES a.cpp ... [PUBLIC targets] [PRIVATE targets]): one folder of src/, one static library.
+function(handhold_module name)
+  cmake_parse_arguments(MODULE "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  list(TRANSFORM MODULE_SOURCES PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/${name}/)
+  add_library(handhold_${name} STATIC ${MODULE_SOURCES})
+  add_library(handhold::${name} ALIAS handhold_${name})
+  target_link_libraries(handhold_${name} PUBLIC handhold_flags Eigen3::Eigen ${MODULE_PUBLIC}
+                                         PRIVATE fmt::fmt ${MODULE_PRIVATE})
+endfunction()
+
+# handhold_test(NAME SOURCES a.cpp ... LIBRARIES targets): one GoogleTest program, labelled fast.
+function(handhold_test name)
+  cmake_parse_arguments(TEST "" "TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
+  list(TRANSFORM TEST_SOURCES PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/${name}/)
+  add_executable(test_${name} ${TEST_SOURCES})
+  target_link_libraries(test_${name} PRIVATE handhold_flags GTest::gmock GTest::gtest_main fmt::fmt ${TEST_LIBRARIES})
+  target_include_directories(test_${name} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
+  target_compile_definitions(test_${name} PRIVATE HANDHOLD_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
+  if(NOT TEST_TIMEOUT)
+    set(TEST_TIMEOUT 300)
+  endif()
+  add_test(NAME ${name} COMMAND test_${name})
+  set_tests_properties(${name} PROPERTIES LABELS fast TIMEOUT ${TEST_TIMEOUT})
+endfunction()

@@ -1,0 +1,158 @@
+#include "app/commands.h"
+#include "core/error.h"
+#include "core/file.h"
+#include "core/log.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+namespace handhold {
+namespace {
+
+namespace fs = std::filesystem;
+
+double totalSeconds(const GraspSetSummary& summary) {
+  double sum = 0;
+  for (const auto& [stage, seconds] : summary.seconds) sum += seconds;
+  return sum;
+}
+
+std::size_t trialCount(const GraspSetSummary& summary) { return summary.samples * summary.rolls * summary.preshapes; }
+
+double share(std::size_t part, std::size_t all) {
+  return all == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(all);
+}
+
+/// Reads every set; one that is damaged is told and counted, the others are shown.
+std::vector<GraspSetSummary> readAll(const std::vector<fs::path>& files, std::size_t& damaged) {
+  std::vector<GraspSetSummary> summaries;
+  for (const fs::path& file : files) {
+    try {
+      summaries.push_back(readSummary(file));
+    } catch (const InputError& error) {
+      logError(error.what());
+      ++damaged;
+    }
+  }
+  return summaries;
+}
+
+nlohmann::ordered_json toJson(const GraspSetSummary& s) {
+  nlohmann::ordered_json outcomes, seconds;
+  for (const auto& [name, count] : s.outcomes) outcomes[name] = count;
+  for (const auto& [stage, duration] : s.seconds) seconds[stage] = duration;
+  return {{"object", s.object},
+          {"hand", s.hand},
+          {"set_version", s.setVersion},
+          {"samples", s.samples},
+          {"rolls", s.rolls},
+          {"preshapes", s.preshapes},
+          {"trials", trialCount(s)},
+          {"outcomes", outcomes},
+          {"grasps", s.grasps},
+          {"best_epsilon", s.bestEpsilon},
+          {"seconds", seconds},
+          {"policy", s.policy},
+          {"friction", s.friction},
+          {"cone_edges", s.coneEdges},
+          {"watertight", s.watertight},
+          {"notes", s.objectNotes},
+          {"input_hash", s.inputHash},
+          {"generator", s.generator},
+          {"created", s.created},
+          {"bytes", s.bytes},
+          {"path", s.path.string()}};
+}
+
+void printInfo(const GraspSetSummary& s) {
+  fmt::print("{} x {}, version {}\n", s.object, s.hand, s.setVersion);
+  fmt::print("  file        {} ({:.2f} MB)\n", s.path.string(), static_cast<double>(s.bytes) / 1e6);
+  fmt::print("  made by     {} on {} at {}\n", s.generator, s.host, s.created);
+  fmt::print("  input hash  {}\n", s.inputHash);
+  fmt::print("  policy      {}, friction {}, {} cone edges\n", s.policy, s.friction, s.coneEdges);
+  fmt::print("  object      {}\n", s.watertight ? "watertight" : "open surface");
+  for (const std::string& note : s.objectNotes) fmt::print("              {}\n", note);
+  fmt::print("  trials      {} samples x {} rolls x {} preshapes = {}\n", s.samples, s.rolls, s.preshapes,
+             trialCount(s));
+  for (const auto& [name, count] : s.outcomes) {
+    fmt::print("    {:<18}{:>9}  {:5.1f} %\n", name, count, share(count, trialCount(s)));
+  }
+  fmt::print("  grasps      {} stored, best epsilon {:.4f}\n", s.grasps, s.bestEpsilon);
+  const double total = totalSeconds(s);
+  fmt::print("  core time   {:.2f} s, {:.0f} trials/s a core\n", total,
+             total > 0 ? static_cast<double>(trialCount(s)) / total : 0);
+  for (const auto& [stage, duration] : s.seconds) fmt::print("    {:<18}{:>9.3f} s\n", stage, duration);
+}
+
+}  // namespace
+
+std::string summaryTable(const std::vector<GraspSetSummary>& summaries) {
+  // Outcomes that occur nowhere get no column.
+  std::vector<std::string> outcomes;
+  for (const GraspSetSummary& s : summaries) {
+    for (const auto& [name, count] : s.outcomes) {
+      if (count > 0 && std::find(outcomes.begin(), outcomes.end(), name) == outcomes.end()) outcomes.push_back(name);
+    }
+  }
+  std::string table =
+      fmt::format("{:<16} {:<10} {:>3} {:>5} {:>3} {:>2} {:>7}", "object", "hand", "ver", "N", "R", "M", "trials");
+  for (const std::string& name : outcomes) table += fmt::format(" {:>{}}", name + " %", name.size() + 2);
+  table += fmt::format(" {:>7} {:>9} {:>8}\n", "grasps", "best eps", "core s");
+  for (const GraspSetSummary& s : summaries) {
+    table += fmt::format("{:<16} {:<10} {:>3} {:>5} {:>3} {:>2} {:>7}", s.object, s.hand, s.setVersion, s.samples,
+                         s.rolls, s.preshapes, trialCount(s));
+    for (const std::string& name : outcomes) {
+      std::size_t count = 0;
+      for (const auto& [other, value] : s.outcomes) count += other == name ? value : 0;
+      table += fmt::format(" {:>{}.1f}", share(count, trialCount(s)), name.size() + 2);
+    }
+    table += fmt::format(" {:>7} {:>9.4f} {:>8.2f}\n", s.grasps, s.bestEpsilon, totalSeconds(s));
+  }
+  return summaries.empty() ? "" : table;
+}
+
+int runList(const Database& database, bool asJson) {
+  if (!fs::is_directory(database.folder())) {
+    throw InputError(
+        fmt::format("{}: is no folder, want a database (--db DIR or HANDHOLD_DB)", database.folder().string()));
+  }
+  std::size_t damaged = 0;
+  const std::vector<GraspSetSummary> summaries = readAll(database.files(), damaged);
+  if (asJson) {
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    for (const GraspSetSummary& summary : summaries) list.push_back(toJson(summary));
+    fmt::print("{}\n", list.dump(1));
+  } else {
+    fmt::print("{}{} sets in {}\n", summaryTable(summaries), summaries.size(), database.folder().string());
+  }
+  return damaged == 0 ? kExitDone : kExitItemFailed;
+}
+
+int runInfo(const fs::path& path, bool asJson) {
+  if (!fs::is_directory(path)) {
+    const GraspSetSummary summary = readSummary(path);
+    asJson ? fmt::print("{}\n", toJson(summary).dump(1)) : printInfo(summary);
+    return kExitDone;
+  }
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::recursive_directory_iterator(path)) {
+    if (entry.is_regular_file() && matchesGlob(entry.path().filename().string(), "v[0-9]*.h5"))
+      files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  if (files.empty()) throw InputError(fmt::format("{}: holds no grasp set", path.string()));
+  std::size_t damaged = 0;
+  const std::vector<GraspSetSummary> summaries = readAll(files, damaged);
+  if (asJson) {
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    for (const GraspSetSummary& summary : summaries) list.push_back(toJson(summary));
+    fmt::print("{}\n", list.dump(1));
+  } else {
+    for (const GraspSetSummary& summary : summaries) printInfo(summary);
+  }
+  return damaged == 0 ? kExitDone : kExitItemFailed;
+}
+
+}  // namespace handhold

@@ -1,0 +1,117 @@
+#include "core/file.h"
+
+#include "core/error.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cctype>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <vector>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <fnmatch.h>
+#include <unistd.h>
+
+namespace handhold {
+namespace {
+
+namespace fs = std::filesystem;
+
+void syncToDisk(const fs::path& path, int flags) {
+  const int descriptor = ::open(path.c_str(), flags | O_CLOEXEC);
+  if (descriptor < 0) throw SystemError(fmt::format("{}: cannot be opened: {}", path.string(), std::strerror(errno)));
+  const int result = ::fsync(descriptor);
+  const int reason = errno;
+  ::close(descriptor);
+  // Some network file systems refuse fsync on folders with EINVAL; there is nothing more to ask of them.
+  if (result != 0 && reason != EINVAL) {
+    throw SystemError(fmt::format("{}: cannot be written to disk: {}", path.string(), std::strerror(reason)));
+  }
+}
+
+}  // namespace
+
+std::string readFile(const fs::path& path) {
+  std::error_code error;
+  if (fs::is_directory(path, error)) {
+    throw InputError(fmt::format("{}: cannot be read: is a folder", path.string()));
+  }
+  errno = 0;
+  std::ifstream stream(path, std::ios::binary);
+  std::string content;
+  std::vector<char> block(std::size_t{64} << 10);
+  while (stream.read(block.data(), static_cast<std::streamsize>(block.size())) || stream.gcount() > 0) {
+    content.append(block.data(), static_cast<std::size_t>(stream.gcount()));
+  }
+  // The end of the file is no failure, an error half way is one.
+  if (!stream.eof()) throw InputError(fmt::format("{}: cannot be read: {}", path.string(), std::strerror(errno)));
+  return content;
+}
+
+bool publishFile(const fs::path& temporary, const fs::path& target) {
+  syncToDisk(temporary, O_RDONLY);
+  const int result = ::link(temporary.c_str(), target.c_str());
+  const int reason = errno;
+  ::unlink(temporary.c_str());
+  if (result != 0 && reason == EEXIST) return false;
+  if (result != 0) {
+    throw SystemError(fmt::format("{}: cannot be created: {}", target.string(), std::strerror(reason)));
+  }
+  syncToDisk(target.has_parent_path() ? target.parent_path() : fs::path("."), O_RDONLY | O_DIRECTORY);
+  return true;
+}
+
+fs::path temporaryName(const fs::path& folder) {
+  static std::atomic<unsigned> counter{0};
+  char host[64] = {};
+  ::gethostname(host, sizeof host - 1);  // builders on several machines share the folder
+  return folder / fmt::format(".tmp-{}-{}-{}", host, ::getpid(), counter++);
+}
+
+bool matchesGlob(std::string_view text, std::string_view pattern) {
+  return ::fnmatch(std::string(pattern).c_str(), std::string(text).c_str(), FNM_PATHNAME) == 0;
+}
+
+void requireName(std::string_view name, std::string_view where, std::string_view what) {
+  bool good = !name.empty() && name.size() <= 100 && std::isalnum(static_cast<unsigned char>(name[0])) != 0;
+  for (const char c : name) {
+    good = good && (std::isalnum(static_cast<unsigned char>(c)) != 0 || std::strchr("._-+", c) != nullptr) && c != '\0';
+  }
+  if (!good) {
+    std::string shown(name);
+    std::replace_if(
+        shown.begin(), shown.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, '?');
+    throw InputError(
+        fmt::format("{}: {} is \"{}\", want 1 to 100 letters, digits, '.', '_', '-' or '+', the first a "
+                    "letter or digit",
+                    where, what, shown));
+  }
+}
+
+std::string expandEnvironment(std::string_view text, std::string_view where) {
+  std::string result;
+  std::size_t position = 0;
+  while (position < text.size()) {
+    const std::size_t open = text.find("${", position);
+    const std::size_t close = open == std::string_view::npos ? open : text.find('}', open);
+    if (close == std::string_view::npos) break;
+    const std::string name(text.substr(open + 2, close - open - 2));
+    const char* value = std::getenv(name.c_str());
+    if (value == nullptr) {
+      throw InputError(fmt::format("{}: ${{{}}} is not set, want an environment variable with a path", where, name));
+    }
+    result += text.substr(position, open - position);
+    result += value;
+    position = close + 1;
+  }
+  result += text.substr(position);
+  return result;
+}
+
+fs::path programFolder() { return fs::read_symlink("/proc/self/exe").parent_path(); }
+
+}  // namespace handhold

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace handhold {
+
+/// The whole file. Throws InputError: `PATH: cannot be read: REASON`.
+std::string readFile(const std::filesystem::path& path);
+
+/// `target` becomes the content of the finished temporary file `temporary` (same folder): fsync, link(2), unlink,
+/// fsync of the folder. An existing `target` is left as it is and false returned; the temporary file is gone either
+/// way. Throws SystemError on any other refusal.
+bool publishFile(const std::filesystem::path& temporary, const std::filesystem::path& target);
+
+/// A name that is free in `folder`, starts with a dot and is unique to this process and call.
+std::filesystem::path temporaryName(const std::filesystem::path& folder);
+
+/// True when `text` matches a shell pattern of *, ? and [...]; none of them matches a slash.
+bool matchesGlob(std::string_view text, std::string_view pattern);
+
+/// Object and hand names become folder names. Throws InputError unless `name` is 1 to 100 letters, digits, '.', '_',
+/// '-' or '+' and starts with a letter or digit. `where` begins the message (file and line).
+void requireName(std::string_view name, std::string_view where, std::string_view what);
+
+/// Replaces every ${NAME} by the environment variable. Throws InputError naming an unset one.
+std::string expandEnvironment(std::string_view text, std::string_view where);
+
+/// The folder of the running program.
+std::filesystem::path programFolder();
+
+}  // namespace handhold

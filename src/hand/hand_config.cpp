@@ -1,0 +1,215 @@
+#include "core/error.h"
+#include "core/file.h"
+#include "core/hash.h"
+#include "core/yaml.h"
+#include "hand/hand.h"
+#include "hand/urdf_reader.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include <fmt/format.h>
+
+namespace handhold {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kLimitSlack = 1e-6;  // decimals in a YAML file may overstep a limit by their rounding
+
+int linkIndex(const Hand& hand, const YamlValue& value) {
+  const std::string name = value.text();
+  for (std::size_t i = 0; i < hand.links.size(); ++i) {
+    if (hand.links[i].name == name) return static_cast<int>(i);
+  }
+  std::vector<std::string> names;
+  for (const HandLink& link : hand.links) names.push_back(link.name);
+  value.refuse(fmt::format("a link of the hand: {}", fmt::join(names, ", ")));
+}
+
+int jointIndex(const Hand& hand, const std::string& name, const YamlValue& value) {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < hand.joints.size(); ++i) {
+    if (hand.joints[i].name == name) return static_cast<int>(i);
+    names.push_back(hand.joints[i].name);
+  }
+  value.fail(fmt::format("names the joint \"{}\", want a moving joint of the hand: {}", name, fmt::join(names, ", ")));
+}
+
+void readPalm(const YamlValue& palm, Hand& hand) {
+  palm.allowKeys({"link", "position", "approach", "closing"});
+  hand.palmLink = linkIndex(hand, palm.require("link"));
+  const Eigen::Vector3d approach = palm.require("approach").direction();
+  const Eigen::Vector3d closing = palm.require("closing").direction();
+  if (std::abs(approach.dot(closing)) > 1e-3) palm.fail("has approach and closing that are not perpendicular");
+  hand.X_LG.linear().col(2) = approach;
+  hand.X_LG.linear().col(1) = approach.cross(closing).normalized();
+  hand.X_LG.linear().col(0) = hand.X_LG.linear().col(1).cross(approach);
+  hand.X_LG.translation() = palm.require("position").vector3();
+}
+
+/// Every independent joint that is not named is at 0, which must be inside its limits.
+Preshape readPreshape(const YamlValue& entry, const Hand& hand) {
+  entry.allowKeys({"name", "joints", "standoff"});
+  Preshape preshape;
+  preshape.name = entry.require("name").text();
+  if (const YamlValue* standoff = entry.find("standoff")) preshape.standoff = standoff->numberAtLeast(0);
+  Eigen::VectorXd q = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hand.joints.size()));
+  std::vector<bool> given(hand.joints.size(), false);
+  for (const auto& [name, value] : entry.require("joints").entries()) {
+    const int joint = jointIndex(hand, name, value);
+    if (hand.joints[joint].mimicOf >= 0) {
+      value.fail(fmt::format("sets a mimic joint, want the joint that it follows: {}",
+                             hand.joints[hand.joints[joint].mimicOf].name));
+    }
+    q[joint] = value.number();
+    given[joint] = true;
+  }
+  for (std::size_t i = 0; i < hand.joints.size(); ++i) {
+    const HandJoint& joint = hand.joints[i];
+    if (joint.mimicOf >= 0 || (q[i] >= joint.lower - kLimitSlack && q[i] <= joint.upper + kLimitSlack)) continue;
+    entry.fail(fmt::format("{} {} at {}, want it within {} .. {}", given[i] ? "puts the joint" : "leaves the joint",
+                           joint.name, q[i], joint.lower, joint.upper));
+  }
+  preshape.jointPosition = followMimics(hand, q);
+  return preshape;
+}
+
+void readBreakaway(const YamlValue& value, const Hand& hand, ClosingJoint& closing) {
+  closing.breakawayJoint = jointIndex(hand, value.text(), value);
+  const std::vector<int> followers = followersOf(hand, closing.joint);
+  const bool follows = std::find(followers.begin(), followers.end(), closing.breakawayJoint) != followers.end();
+  if (!follows || !linksMovedBy(hand, closing.joint, false)[hand.joints[closing.breakawayJoint].childLink]) {
+    value.refuse(fmt::format("a joint further out on the finger that mimics {}", hand.joints[closing.joint].name));
+  }
+}
+
+ClosingJoint readClosing(const YamlValue& entry, const Hand& hand) {
+  entry.allowKeys({"joint", "direction", "breakaway", "self_centering"});
+  ClosingJoint closing;
+  closing.joint = jointIndex(hand, entry.require("joint").text(), entry.require("joint"));
+  const HandJoint& joint = hand.joints[closing.joint];
+  if (joint.mimicOf >= 0) {
+    entry.require("joint").fail(fmt::format("\"{}\" is a mimic joint, want the joint that it follows: {}", joint.name,
+                                            hand.joints[joint.mimicOf].name));
+  }
+  closing.direction = entry.require("direction").integer(-1, 1);
+  if (closing.direction == 0) entry.require("direction").refuse("1 or -1");
+  const double limit = closing.direction > 0 ? joint.upper : joint.lower;
+  if (!std::isfinite(limit)) {
+    entry.fail(
+        fmt::format("closes the joint {}, which has no limit in that direction, want one in the URDF", joint.name));
+  }
+  if (const YamlValue* breakaway = entry.find("breakaway")) readBreakaway(*breakaway, hand, closing);
+  if (const YamlValue* centering = entry.find("self_centering")) closing.selfCentering = centering->boolean();
+  if (closing.selfCentering) {
+    const std::vector<int> followers = followersOf(hand, closing.joint);
+    const bool isJaw = followers.empty() || (followers.size() == 1 && joint.type == JointType::prismatic &&
+                                             hand.joints[followers[0]].type == JointType::prismatic &&
+                                             std::abs(std::abs(hand.joints[followers[0]].mimicMultiplier) - 1) < 1e-9);
+    if (!isJaw) {
+      entry.fail(
+          "is self_centering, want a joint without mimics, or a prismatic one with one prismatic mimic of multiplier 1 "
+          "or -1");
+    }
+  }
+  return closing;
+}
+
+void readContactLinks(const YamlValue& value, Hand& hand) {
+  if (value.kind() == YamlValue::Kind::scalar) {
+    if (value.text() != "all") value.refuse("all, or a list of links");
+    return;
+  }
+  for (HandLink& link : hand.links) link.contactAllowed = false;
+  for (const YamlValue& item : value.items()) hand.links[linkIndex(hand, item)].contactAllowed = true;
+}
+
+void readPreshapes(const YamlValue& list, Hand& hand) {
+  for (const YamlValue& entry : list.items()) {
+    hand.preshapes.push_back(readPreshape(entry, hand));
+    const auto sameName = [&](const Preshape& p) { return p.name == hand.preshapes.back().name; };
+    if (std::count_if(hand.preshapes.begin(), hand.preshapes.end(), sameName) > 1) {
+      entry.require("name").refuse("a name that no other preshape has");
+    }
+  }
+  if (hand.preshapes.empty()) list.refuse("at least one preshape");
+}
+
+void requireGeometry(const Hand& hand, const YamlValue& top) {
+  for (const HandLink& link : hand.links) {
+    if (!link.mesh.triangles.empty() && link.contactAllowed) return;
+  }
+  top.fail("describes a hand without any geometry that may touch");
+}
+
+}  // namespace
+
+Hand loadHand(const std::string& path, const PackagePaths& packages) {
+  const fs::path file = fs::is_directory(path) ? fs::path(path) / "hand.yaml" : fs::path(path);
+  if (!fs::exists(file))
+    throw InputError(fmt::format("{}: does not exist, want a hand's folder with hand.yaml", file.string()));
+  Hand hand;
+  hand.configText = readFile(file);
+  const YamlValue top = YamlValue::parseText(hand.configText, file.string());
+  top.allowKeys({"urdf", "root_link", "palm", "tcp", "preshapes", "closing", "contact_links", "ignore_links"});
+  hand.name = fs::absolute(file).lexically_normal().parent_path().filename().string();
+  requireName(hand.name, file.string(), "the hand's folder");
+
+  const YamlValue& urdf = top.require("urdf");
+  const std::string urdfPath = (file.parent_path() / expandEnvironment(urdf.text(), urdf.where())).lexically_normal();
+  if (!fs::exists(urdfPath))
+    urdf.refuse("the path of a URDF file, relative to hand.yaml (looked for " + urdfPath + ")");
+  const YamlValue* rootLink = top.find("root_link");
+  const YamlValue* ignoreLinks = top.find("ignore_links");
+  readUrdf(urdfPath, rootLink == nullptr ? "" : rootLink->text(),
+           ignoreLinks == nullptr ? std::vector<std::string>{} : ignoreLinks->texts(), packages, hand);
+
+  readPalm(top.require("palm"), hand);
+  if (const YamlValue* tcp = top.find("tcp")) {
+    tcp->allowKeys({"link", "position"});
+    hand.tcpLink = linkIndex(hand, tcp->require("link"));
+    hand.p_LT = tcp->require("position").vector3();
+  } else {
+    hand.tcpLink = hand.palmLink;
+    hand.p_LT = hand.X_LG.translation();
+  }
+  readPreshapes(top.require("preshapes"), hand);
+  for (const YamlValue& entry : top.require("closing").items()) hand.closing.push_back(readClosing(entry, hand));
+  if (hand.closing.empty()) top.require("closing").refuse("at least one joint that closes");
+  if (const YamlValue* contactLinks = top.find("contact_links")) readContactLinks(*contactLinks, hand);
+  requireGeometry(hand, top);
+
+  ContentHash hash;
+  hash.addText(hand.contentHash);  // of the meshes
+  hash.addText(hand.urdfText);
+  hash.addText(hand.configText);
+  hand.contentHash = hash.hex();
+  return hand;
+}
+
+std::string initialHandConfig(const std::string& urdfPath) {
+  Hand hand;
+  readUrdf(urdfPath, "", {}, {}, hand);
+  std::string joints, closing;
+  for (const HandJoint& joint : hand.joints) {
+    if (joint.mimicOf >= 0) continue;
+    const double rest = std::clamp(0.0, joint.lower, joint.upper);
+    joints += fmt::format("{}{}: {}", joints.empty() ? "" : ", ", joint.name, rest);
+    closing += fmt::format("  - {{joint: {}, direction: {}}}\n", joint.name, joint.upper >= -joint.lower ? 1 : -1);
+  }
+  return fmt::format(
+      "# Made from {0}. Set the palm (a point on its surface, +z of the palm frame = approach, +x = closing),\n"
+      "# keep in `closing` only the joints that close a finger, and give each preshape the opening that you want.\n"
+      "urdf: {0}\n"
+      "root_link: {1}\n"
+      "palm: {{link: {1}, position: [0, 0, 0], approach: [0, 0, 1], closing: [1, 0, 0]}}\n"
+      "preshapes:\n"
+      "  - {{name: open, joints: {{{2}}}}}\n"
+      "closing:\n{3}"
+      "contact_links: all\n",
+      fs::path(urdfPath).filename().string(), hand.links[0].name, joints, closing);
+}
+
+}  // namespace handhold

@@ -1,0 +1,64 @@
+#include "hand/hand.h"
+
+namespace handhold {
+
+Eigen::VectorXd followMimics(const Hand& hand, Eigen::VectorXd jointPosition) {
+  // A master may itself be a mimic and stand later in the tree: walk each chain to its independent joint.
+  for (std::size_t i = 0; i < hand.joints.size(); ++i) {
+    double multiplier = 1, offset = 0;
+    int joint = static_cast<int>(i);
+    while (hand.joints[joint].mimicOf >= 0) {
+      offset += multiplier * hand.joints[joint].mimicOffset;
+      multiplier *= hand.joints[joint].mimicMultiplier;
+      joint = hand.joints[joint].mimicOf;
+    }
+    if (joint != static_cast<int>(i)) jointPosition[i] = multiplier * jointPosition[joint] + offset;
+  }
+  return jointPosition;
+}
+
+std::vector<Eigen::Isometry3d> forwardKinematics(const Hand& hand, const Eigen::VectorXd& jointPosition) {
+  std::vector<Eigen::Isometry3d> X_HL(hand.links.size(), Eigen::Isometry3d::Identity());
+  for (std::size_t i = 1; i < hand.links.size(); ++i) {
+    const HandLink& link = hand.links[i];
+    Eigen::Isometry3d X_PL = link.X_PL;
+    if (link.joint >= 0) {
+      const HandJoint& joint = hand.joints[link.joint];
+      const double q = jointPosition[link.joint];
+      X_PL = joint.X_PJ;
+      if (joint.type == JointType::revolute) {
+        X_PL.rotate(Eigen::AngleAxisd(q, joint.axis));
+      } else {
+        X_PL.translate(q * joint.axis);
+      }
+    }
+    X_HL[i] = X_HL[link.parentLink] * X_PL;
+  }
+  return X_HL;
+}
+
+std::vector<int> followersOf(const Hand& hand, int joint) {
+  std::vector<int> result;
+  for (std::size_t i = 0; i < hand.joints.size(); ++i) {
+    int master = hand.joints[i].mimicOf;
+    while (master >= 0 && master != joint) master = hand.joints[master].mimicOf;
+    if (master == joint) result.push_back(static_cast<int>(i));
+  }
+  return result;
+}
+
+std::vector<bool> linksMovedBy(const Hand& hand, int joint, bool withFollowers) {
+  std::vector<bool> moves(hand.links.size(), false);
+  std::vector<bool> isMover(hand.joints.size(), false);
+  isMover[joint] = true;
+  if (withFollowers) {
+    for (const int follower : followersOf(hand, joint)) isMover[follower] = true;
+  }
+  for (std::size_t i = 1; i < hand.links.size(); ++i) {
+    const HandLink& link = hand.links[i];
+    moves[i] = moves[link.parentLink] || (link.joint >= 0 && isMover[link.joint]);
+  }
+  return moves;
+}
+
+}  // namespace handhold

@@ -1,0 +1,19 @@
+#pragma once
+
+#include "mesh/triangle_mesh.h"
+
+#include <Eigen/Core>
+
+namespace handhold {
+
+/// Chord error of a tessellated primitive: points of the true surface lie at most this far outside the triangles [m].
+inline constexpr double kChordError = 2e-5;
+
+/// A box of full extents `size` [m], centred on the origin.
+TriangleMesh boxMesh(const Eigen::Vector3d& size);
+/// A cylinder about z, centred on the origin, vertices on the true surface [m].
+TriangleMesh cylinderMesh(double radius, double length);
+/// A sphere about the origin, vertices on the true surface [m].
+TriangleMesh sphereMesh(double radius);
+
+}  // namespace handhold

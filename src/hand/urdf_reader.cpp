@@ -1,0 +1,283 @@
+#include "hand/urdf_reader.h"
+
+#include "core/error.h"
+#include "core/file.h"
+#include "core/hash.h"
+#include "hand/primitives.h"
+#include "hand/urdf_model.h"
+#include "mesh/object.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+#include <mutex>
+
+#include <console_bridge/console.h>
+#include <fmt/format.h>
+#include <urdf_parser/urdf_parser.h>
+
+namespace handhold {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Collects what urdfdom would print.
+class MessageCollector : public console_bridge::OutputHandler {
+ public:
+  void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
+    if (level >= console_bridge::CONSOLE_BRIDGE_LOG_WARN && first.empty()) first = text;
+  }
+  std::string first;
+};
+
+/// A .xacro file is a program that writes a URDF; we do not run it.
+void refuseXacro(const std::string& path, const std::string& text) {
+  const bool isXacro = fs::path(path).extension() == ".xacro" || text.find("xmlns:xacro") != std::string::npos ||
+                       text.find("<xacro:") != std::string::npos;
+  if (!isXacro) return;
+  const std::string output = fs::path(path).stem().extension() == ".urdf" ? fs::path(path).stem().string()
+                                                                          : fs::path(path).stem().string() + ".urdf";
+  throw InputError(fmt::format("{}: is a xacro file, want plain URDF; convert it with: xacro {} > {}", path,
+                               fs::path(path).filename().string(), output));
+}
+
+std::vector<std::string> splitPaths(const char* list) {
+  std::vector<std::string> result;
+  for (std::string_view rest = list == nullptr ? "" : list; !rest.empty();) {
+    const std::size_t colon = std::min(rest.find(':'), rest.size());
+    if (colon > 0) result.emplace_back(rest.substr(0, colon));
+    rest.remove_prefix(std::min(colon + 1, rest.size()));
+  }
+  return result;
+}
+
+/// package://NAME/rest: the caller's folder for NAME, else the first that exists of AMENT_PREFIX_PATH/share/NAME,
+/// ROS_PACKAGE_PATH/NAME (or that folder itself when it is called NAME), and the folders above the URDF called NAME.
+std::string resolvePackage(const std::string& uri, const std::string& urdfPath, const PackagePaths& packages) {
+  const std::string rest = uri.substr(std::string("package://").size());
+  const std::string name = rest.substr(0, rest.find('/'));
+  const std::string inside = rest.size() > name.size() ? rest.substr(name.size() + 1) : "";
+  std::vector<fs::path> roots;
+  if (const auto given = packages.find(name); given != packages.end()) {
+    roots.emplace_back(given->second);
+  } else {
+    for (const auto& prefix : splitPaths(std::getenv("AMENT_PREFIX_PATH"))) {
+      roots.push_back(fs::path(prefix) / "share" / name);
+    }
+    for (const auto& folder : splitPaths(std::getenv("ROS_PACKAGE_PATH"))) {
+      roots.push_back(fs::path(folder).filename() == name ? fs::path(folder) : fs::path(folder) / name);
+    }
+    for (fs::path above = fs::absolute(urdfPath).parent_path(); above != above.root_path();
+         above = above.parent_path()) {
+      if (above.filename() == name) roots.push_back(above);
+    }
+  }
+  for (const fs::path& root : roots) {
+    if (fs::exists(root / inside)) return (root / inside).string();
+  }
+  throw InputError(
+      fmt::format("{}: {} cannot be found ({} folder{} tried), want --package {}=DIR, or AMENT_PREFIX_PATH "
+                  "or ROS_PACKAGE_PATH to lead to it",
+                  urdfPath, uri, roots.size(), roots.size() == 1 ? "" : "s", name));
+}
+
+std::string resolveMesh(const std::string& name, const std::string& urdfPath, const PackagePaths& packages) {
+  if (name.rfind("package://", 0) == 0) return resolvePackage(name, urdfPath, packages);
+  const std::string plain = name.rfind("file://", 0) == 0 ? name.substr(7) : name;
+  if (plain.find("://") != std::string::npos) {
+    throw InputError(
+        fmt::format("{}: mesh {} has an unknown scheme, want a path, file:// or package://", urdfPath, name));
+  }
+  return (fs::path(urdfPath).parent_path() / plain).lexically_normal().string();
+}
+
+/// What one URDF reading needs to know everywhere.
+struct Reader {
+  const std::string& path;
+  const std::vector<std::string>& ignoreLinks;
+  const PackagePaths& packages;
+  Hand& hand;
+  ContentHash hash;
+
+  [[noreturn]] void refuse(const std::string& message) const { throw InputError(path + ": " + message); }
+
+  TriangleMesh geometryMesh(const urdf::Geometry& geometry, const std::string& linkName) const {
+    const auto requirePositive = [&](double value, const char* what) {
+      if (!(value > 0)) refuse(fmt::format("link {}: {} is {}, want > 0", linkName, what, value));
+    };
+    if (geometry.type == urdf::Geometry::BOX) {
+      const auto& d = static_cast<const urdf::Box&>(geometry).dim;
+      for (const double side : {d.x, d.y, d.z}) requirePositive(side, "box size");
+      return boxMesh({d.x, d.y, d.z});
+    }
+    if (geometry.type == urdf::Geometry::CYLINDER) {
+      const auto& cylinder = static_cast<const urdf::Cylinder&>(geometry);
+      requirePositive(cylinder.radius, "cylinder radius");
+      requirePositive(cylinder.length, "cylinder length");
+      return cylinderMesh(cylinder.radius, cylinder.length);
+    }
+    if (geometry.type == urdf::Geometry::SPHERE) {
+      requirePositive(static_cast<const urdf::Sphere&>(geometry).radius, "sphere radius");
+      return sphereMesh(static_cast<const urdf::Sphere&>(geometry).radius);
+    }
+    const auto& mesh = static_cast<const urdf::Mesh&>(geometry);
+    const std::string file = resolveMesh(mesh.filename, path, packages);
+    if (!fs::exists(file)) {
+      refuse(fmt::format("link {}: mesh {} does not exist, want a mesh file", linkName, file));
+    }
+    return loadMesh(file, {mesh.scale.x, mesh.scale.y, mesh.scale.z});
+  }
+
+  /// All pieces of a link as one mesh in the link frame, rounded as the database stores it.
+  void readGeometry(const urdf::Link& source, HandLink& link) {
+    if (std::find(ignoreLinks.begin(), ignoreLinks.end(), source.name) != ignoreLinks.end()) return;
+    std::vector<std::pair<urdf::GeometrySharedPtr, Eigen::Isometry3d>> pieces;
+    for (const auto& collision : source.collision_array) {
+      if (collision && collision->geometry) pieces.emplace_back(collision->geometry, toPose(collision->origin));
+    }
+    if (pieces.empty()) {
+      for (const auto& visual : source.visual_array) {
+        if (visual && visual->geometry) pieces.emplace_back(visual->geometry, toPose(visual->origin));
+      }
+      if (!pieces.empty())
+        hand.notes.push_back(fmt::format("link {} has no <collision>: its <visual> is used", link.name));
+    }
+    for (const auto& [geometry, X_LP] : pieces) {
+      const TriangleMesh piece = geometryMesh(*geometry, link.name);
+      link.piecePoints.push_back(X_LP * piece.vertices[piece.triangles[0][0]]);
+      append(link.mesh, piece, X_LP);
+    }
+    roundToFloat(link.mesh);
+    for (const auto& vertex : link.mesh.vertices) hash.addBytes(vertex.data(), sizeof vertex);
+    for (const auto& triangle : link.mesh.triangles) hash.addBytes(triangle.data(), sizeof triangle);
+  }
+
+  void readLimits(const urdf::Joint& source, HandJoint& joint) const {
+    if (source.type == urdf::Joint::CONTINUOUS) {
+      joint.lower = -std::numeric_limits<double>::infinity();
+      joint.upper = std::numeric_limits<double>::infinity();
+      if (source.limits) joint.effort = source.limits->effort;
+      return;
+    }
+    if (!source.limits) refuse(fmt::format("joint {} has no <limit>, want lower and upper", source.name));
+    joint.lower = source.limits->lower;
+    joint.upper = source.limits->upper;
+    joint.effort = source.limits->effort;
+    if (!(joint.lower <= joint.upper)) {
+      refuse(fmt::format("joint {}: lower limit {} is above upper limit {}", source.name, joint.lower, joint.upper));
+    }
+  }
+
+  /// Appends the moving joint between two links and returns its index, or -1 for a fixed one.
+  int addJoint(const urdf::Joint& source, int parentLink, int childLink) {
+    if (source.type == urdf::Joint::FIXED) return -1;
+    if (source.type != urdf::Joint::REVOLUTE && source.type != urdf::Joint::CONTINUOUS &&
+        source.type != urdf::Joint::PRISMATIC) {
+      refuse(fmt::format("joint {} is planar, floating or unknown, want fixed, revolute, continuous or prismatic",
+                         source.name));
+    }
+    HandJoint joint;
+    joint.name = source.name;
+    joint.type = source.type == urdf::Joint::PRISMATIC ? JointType::prismatic : JointType::revolute;
+    joint.parentLink = parentLink;
+    joint.childLink = childLink;
+    joint.X_PJ = toPose(source.parent_to_joint_origin_transform);
+    joint.axis = {source.axis.x, source.axis.y, source.axis.z};
+    if (joint.axis.norm() < 1e-9) refuse(fmt::format("joint {}: axis is zero, want a direction", source.name));
+    joint.axis.normalize();
+    readLimits(source, joint);
+    hand.joints.push_back(joint);
+    return static_cast<int>(hand.joints.size()) - 1;
+  }
+
+  /// Depth first, children in the URDF's (alphabetical) order: parents always come before their children.
+  void addLink(const urdf::Link& source, int parentLink, const urdf::Joint* toParent) {
+    HandLink link;
+    link.name = source.name;
+    link.parentLink = parentLink;
+    const int index = static_cast<int>(hand.links.size());
+    if (toParent != nullptr) {
+      link.X_PL = toPose(toParent->parent_to_joint_origin_transform);
+      link.joint = addJoint(*toParent, parentLink, index);
+    }
+    readGeometry(source, link);
+    hand.links.push_back(std::move(link));
+    for (const auto& child : source.child_links) addLink(*child, index, child->parent_joint.get());
+  }
+
+  /// Mimic elements name joints; all of a hand's must be inside its subtree and end at an independent joint.
+  void connectMimics(const urdf::ModelInterface& model) {
+    const auto indexOf = [&](const std::string& name) {
+      const auto it =
+          std::find_if(hand.joints.begin(), hand.joints.end(), [&](const auto& j) { return j.name == name; });
+      return it == hand.joints.end() ? -1 : static_cast<int>(it - hand.joints.begin());
+    };
+    for (HandJoint& joint : hand.joints) {
+      const auto mimic = model.getJoint(joint.name)->mimic;
+      if (!mimic) continue;
+      joint.mimicOf = indexOf(mimic->joint_name);
+      joint.mimicMultiplier = mimic->multiplier;
+      joint.mimicOffset = mimic->offset;
+      if (joint.mimicOf < 0) {
+        refuse(fmt::format("joint {} mimics {}, which is no moving joint of the hand", joint.name, mimic->joint_name));
+      }
+    }
+    for (const HandJoint& joint : hand.joints) {
+      std::size_t steps = 0;
+      for (int master = joint.mimicOf; master >= 0; master = hand.joints[master].mimicOf) {
+        if (++steps > hand.joints.size()) refuse(fmt::format("joint {} mimics itself through others", joint.name));
+      }
+    }
+  }
+};
+
+}  // namespace
+
+std::shared_ptr<urdf::ModelInterface> parseUrdf(const std::string& path, const std::string& text) {
+  static std::mutex parserMutex;  // guards console_bridge's process-wide output handler
+  const std::lock_guard lock(parserMutex);
+  MessageCollector messages;
+  console_bridge::useOutputHandler(&messages);
+  urdf::ModelInterfaceSharedPtr model;
+  std::string reason;
+  try {
+    model = urdf::parseURDF(text);
+  } catch (const std::exception& error) {
+    reason = error.what();
+  }
+  console_bridge::restorePreviousOutputHandler();
+  if (model == nullptr || model->getRoot() == nullptr) {
+    if (!messages.first.empty()) reason = messages.first;
+    if (reason.empty()) reason = "the parser gave no reason";
+    std::replace(reason.begin(), reason.end(), '\n', ' ');
+    throw InputError(fmt::format("{}: is no valid URDF: {}", path, reason));
+  }
+  return model;
+}
+
+Eigen::Isometry3d toPose(const urdf::Pose& pose) {
+  Eigen::Quaterniond q(pose.rotation.w, pose.rotation.x, pose.rotation.y, pose.rotation.z);
+  Eigen::Isometry3d X = Eigen::Isometry3d::Identity();
+  X.linear() = q.normalized().toRotationMatrix();
+  X.translation() = Eigen::Vector3d(pose.position.x, pose.position.y, pose.position.z);
+  return X;
+}
+
+void readUrdf(const std::string& path, const std::string& rootLink, const std::vector<std::string>& ignoreLinks,
+              const PackagePaths& packages, Hand& hand) {
+  hand.urdfText = readFile(path);
+  refuseXacro(path, hand.urdfText);
+  const auto model = parseUrdf(path, hand.urdfText);
+  const auto root = rootLink.empty() ? model->getRoot() : model->getLink(rootLink);
+  if (root == nullptr) throw InputError(fmt::format("{}: has no link {}, want the hand's root_link", path, rootLink));
+  for (const std::string& name : ignoreLinks) {
+    if (model->getLink(name) == nullptr) throw InputError(fmt::format("{}: has no link {} to ignore", path, name));
+  }
+  Reader reader{path, ignoreLinks, packages, hand, {}};
+  reader.addLink(*root, -1, nullptr);
+  reader.connectMimics(*model);
+  hand.contentHash = reader.hash.hex();
+}
+
+}  // namespace handhold

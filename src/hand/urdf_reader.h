@@ -1,0 +1,16 @@
+#pragma once
+
+#include "hand/hand.h"
+
+#include <string>
+#include <vector>
+
+namespace handhold {
+
+/// Fills links and joints of `hand` with the subtree of the URDF below `rootLink` (the URDF's own root when empty).
+/// Geometry is each link's <collision>, or its <visual> when it has none; links in `ignoreLinks` get none.
+/// @throws InputError  naming the file and the element
+void readUrdf(const std::string& path, const std::string& rootLink, const std::vector<std::string>& ignoreLinks,
+              const PackagePaths& packages, Hand& hand);
+
+}  // namespace handhold

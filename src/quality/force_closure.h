@@ -1,0 +1,79 @@
+#pragma once
+
+#include "quality/contact.h"
+
+#include <array>
+#include <span>
+
+#include <Eigen/Core>
+
+namespace handhold {
+
+/// Wrenches (force; torque / s), one a column, in the object frame about the centre of mass: (6, n).
+using WrenchMatrix = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
+/// How contacts become wrenches.
+struct WrenchModel {
+  Eigen::Vector3d centerOfMass = Eigen::Vector3d::Zero();  // c [m]
+  double torqueScale = 1;                                  // s [m], largest distance of the surface from c
+  double friction = 0.4;                                   // mu of Coulomb's law
+  int coneEdges = 8;                                       // m >= 3 generators of a linearised cone
+};
+
+/// The generators of all friction cones, contact by contact:
+///
+///     f_ij = n_i + mu (cos(2 pi j / m) t_i + sin(2 pi j / m) b_i),    w_ij = (f_ij; (p_i - c) x f_ij / s)       (1)
+///
+/// Each generator has normal component 1 (L1 model). t_i, b_i follow from n_i alone (Duff et al. 2017, "Building an
+/// Orthonormal Basis, Revisited").
+/// @return (6, nContacts m), column m i + j; NaN where a contact has NaN
+/// @note   Const; safe from many threads. Allocates the result only.
+WrenchMatrix frictionConeWrenches(std::span<const Contact> contacts, const WrenchModel& model);
+
+/// Distances in wrench space are relative to the longest column, R = max |w|.
+/// notClosed is proved by a plane that leaves no column more than this, times R, beyond it. Wrenches of a flat set
+/// (two opposed points) are off their subspace by rounding, 1e-15; no set of wrenches is known better than 1e-10.
+inline constexpr double kSeparationTolerance = 1e-10;
+
+/// closed needs every weight of the balance 0 = (w0 + B lambda) / (1 + sum lambda) to be above this.
+inline constexpr double kBalanceTolerance = 1e-10;
+
+/// The true radius lies within this, times R, of what epsilonMetric returns.
+inline constexpr double kEpsilonTolerance = 1e-10;
+
+enum class ForceClosure : unsigned char { closed, notClosed, failed };
+
+/// The verdict and its proof.
+struct ForceClosureResult {
+  ForceClosure verdict = ForceClosure::failed;
+  /// closed: six columns B and an interior positive mixture w0 of all columns with  B lambda = -w0, lambda > 0.
+  std::array<int, 6> basis{};
+  Eigen::Matrix<double, 6, 1> interiorPoint = Eigen::Matrix<double, 6, 1>::Zero();  // w0
+  /// notClosed: a unit direction with  direction . w <= kSeparationTolerance R  for every column w.
+  Eigen::Matrix<double, 6, 1> separatingDirection = Eigen::Matrix<double, 6, 1>::Zero();
+};
+
+/// Is the origin strictly inside the convex hull of the columns?
+///
+/// The linear program  max t: W lambda = 0, sum lambda = 1, lambda >= t  has a positive optimum and rank W = 6 exactly
+/// when a strictly positive mixture w0 of all columns can be balanced:  W_B lambda_B = -w0, lambda_B > 0. Phase 1 of
+/// the revised simplex method with six rows decides it; its multipliers separate the origin when it cannot.
+///
+/// Both verdicts are checked against the columns before they are returned. A set whose epsilon lies in
+/// (0, kSeparationTolerance R] may be called notClosed. A column that is not finite, or a balance that rounding spoils,
+/// is `failed`, never notClosed.
+/// @note Const, no allocation; safe from many threads.
+/// Source: src/quality/README.md, equations (2) to (5).
+ForceClosureResult testForceClosure(const WrenchMatrix& wrenches);
+
+/// Epsilon (Ferrari, Canny 1992): radius of the largest ball about the origin inside the convex hull of the columns, by
+/// a guided double description that starts from the simplex in `closure`.
+/// @param wrenches  the columns that `closure` was made from, fewer than 65535
+/// @param closure   of testForceClosure, verdict closed
+/// @return the radius, within kEpsilonTolerance R; NaN when rounding stopped the expansion (never a guess)
+/// @note Safe from many threads: scratch is thread_local and keeps its memory, so that no call allocates once the
+///       thread has seen a set of this size; only a further try, after rounding stopped the first, copies the columns.
+/// Source: src/quality/README.md, equations (6) to (9).
+double epsilonMetric(const WrenchMatrix& wrenches, const ForceClosureResult& closure);
+
+}  // namespace handhold

@@ -1,0 +1,41 @@
+#pragma once
+
+#include "mesh/triangle_mesh.h"
+#include "quality/contact.h"
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+namespace handhold {
+
+/// Two triangles, one of the object and one of the link, in the object frame.
+using Corners = std::array<Eigen::Vector3d, 3>;
+
+/// A pair of surface points at most `contactDistance` apart whose surfaces face each other.
+struct ContactCandidate {
+  Eigen::Vector3d position;  // on the object
+  Eigen::Vector3d normal;    // outward, of the object's triangle
+  double gap = 0;            // m, to the link
+  double facing = 0;         // outward normals' dot product, < 0
+};
+
+/// Adds the pairs at which the distance between two triangles takes its extremes: each vertex of one against the other,
+/// and each pair of edges. They hold the closest pair of any two triangles and, where faces lie flush, every corner of
+/// the overlap. `twoSided`: the object is an open surface, its normal is turned against the link's.
+void addContactCandidates(const Corners& object, const Corners& link, double contactDistance, bool twoSided,
+                          std::vector<ContactCandidate>& candidates);
+
+/// The patch rule. Of candidates at one place (0.1 um) the one whose normal opposes the link's most stays; then the one
+/// with the smallest gap is taken, and again and again the one farthest from those taken, until `maximum` or until none
+/// is `spacing` [m] away from all of them.
+void selectContacts(std::vector<ContactCandidate>& candidates, int maximum, double spacing, std::uint16_t link,
+                    std::vector<Contact>& contacts);
+
+/// Closest point of a triangle to `p`. Source: C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5
+/// (Voronoi regions by barycentric signs).
+Eigen::Vector3d closestPointOnTriangle(const Eigen::Vector3d& p, const Corners& triangle);
+
+}  // namespace handhold

@@ -1,0 +1,420 @@
+#include "core/error.h"
+#include "simulate/collision_models.h"
+#include "simulate/contacts.h"
+#include "simulate/grasp_policy.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+namespace handhold {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+Isometry3d palmPose(const Vector3d& position, const Vector3d& approach, double roll) {
+  constexpr double kNearlyVertical = 0.9;  // |cosine| to the z axis
+  const Vector3d up = std::abs(approach.z()) < kNearlyVertical ? Vector3d::UnitZ() : Vector3d::UnitX();
+  const Vector3d reference = (up - up.dot(approach) * approach).normalized();
+  const Vector3d side = approach.cross(reference);
+  Isometry3d X_OG = Isometry3d::Identity();
+  X_OG.linear().col(0) = std::cos(roll) * reference + std::sin(roll) * side;
+  X_OG.linear().col(1) = approach.cross(X_OG.linear().col(0));
+  X_OG.linear().col(2) = approach;
+  X_OG.translation() = position;
+  return X_OG;
+}
+
+namespace {
+
+/// A joint that moves, alone or with its followers, and the links that move with it.
+struct Mover {
+  int joint = -1;
+  int direction = 1;
+  std::vector<int> followers;
+  std::vector<int> links;  // with geometry
+};
+
+/// One entry of the hand's closing rule, made ready.
+struct ClosingStep {
+  Mover together;   // the joint with its followers
+  Mover alone;      // selfCentering of two jaws: the joint without them
+  Mover follower;   // selfCentering of two jaws: the other jaw
+  Mover breakaway;  // joint -1: none
+  bool selfCentering = false;
+  std::vector<int> fixedLinks;  // selfCentering without a follower: the counterpart that is brought up first
+};
+
+/// What depends on the preshape alone.
+struct PreparedPreshape {
+  std::vector<Isometry3d> X_HL;
+  Isometry3d X_GH;
+  std::vector<std::pair<int, int>> apart;  // link pairs that are apart here and must stay so
+};
+
+class ReferencePolicy final : public GraspPolicy {
+ public:
+  ReferencePolicy(const Hand& hand, const ObjectModel& object, PolicyKind kind, const ReferenceSettings& settings)
+      : hand_(hand), object_(object), kind_(kind), settings_(settings) {
+    models_ = std::make_shared<const CollisionModels>(hand, object);
+    objectBox_ = boundingBox(object.mesh);
+    for (std::size_t i = 0; i < hand.links.size(); ++i) {
+      if (!hand.links[i].mesh.triangles.empty()) solidLinks_.push_back(static_cast<int>(i));
+    }
+    for (const ClosingJoint& closing : hand.closing) steps_.push_back(prepareStep(closing));
+    for (const Preshape& preshape : hand.preshapes) preshapes_.push_back(preparePreshape(preshape));
+  }
+
+  std::unique_ptr<GraspPolicy> clone() const override { return std::make_unique<ReferencePolicy>(*this); }
+
+  void run(const GraspCandidate& candidate, GraspTrial& trial) override {
+    queries_ = 0;
+    trial = GraspTrial{};
+    backOff(candidate, trial);
+    trial.jointPosition = hand_.preshapes[candidate.preshape].jointPosition;
+    trial.outcome = close(trial) ? GraspOutcome::notForceClosed : GraspOutcome::blockedCentering;
+    if (trial.outcome == GraspOutcome::notForceClosed) gatherContacts(trial);
+    constexpr std::size_t kFewestContacts = 3;
+    if (trial.outcome == GraspOutcome::notForceClosed && trial.contacts.size() < kFewestContacts) {
+      trial.outcome = GraspOutcome::tooFewContacts;
+    }
+    trial.collisionQueries = queries_;
+  }
+
+  bool approachIsClear(const GraspCandidate& candidate, const GraspTrial& trial) override {
+    centering_ = trial.centering;  // the hand comes in where it will close
+    const double outside = outsideDistance(candidate);
+    const bool moved = !centering_.isZero();
+    bool clear = true;
+    for (double t = trial.backoff + (moved ? 0 : settings_.linearStep); clear && t < outside;
+         t += settings_.linearStep) {
+      clear = !handTouchesAt(candidate, t);
+    }
+    centering_.setZero();
+    return clear;
+  }
+
+  bool selfCollides(const GraspCandidate& candidate, const GraspTrial& trial) override {
+    const std::vector<Isometry3d> X_HL = forwardKinematics(hand_, trial.jointPosition);
+    const auto& pairs = preshapes_[candidate.preshape].apart;
+    return std::any_of(pairs.begin(), pairs.end(), [&](const auto& pair) {
+      return models_->linksTouch(pair.first, X_HL[pair.first], pair.second, X_HL[pair.second]);
+    });
+  }
+
+ private:
+  Mover makeMover(int joint, int direction, bool withFollowers) const {
+    Mover mover{joint, direction, {}, {}};
+    if (withFollowers) mover.followers = followersOf(hand_, joint);
+    const std::vector<bool> moves = linksMovedBy(hand_, joint, withFollowers);
+    for (const int link : solidLinks_) {
+      if (moves[link]) mover.links.push_back(link);
+    }
+    return mover;
+  }
+
+  ClosingStep prepareStep(const ClosingJoint& closing) const {
+    ClosingStep step;
+    step.selfCentering = closing.selfCentering;
+    step.together = makeMover(closing.joint, closing.direction, true);
+    if (closing.selfCentering && step.together.followers.empty()) {
+      const std::vector<bool> moves = linksMovedBy(hand_, closing.joint, true);
+      std::copy_if(solidLinks_.begin(), solidLinks_.end(), std::back_inserter(step.fixedLinks),
+                   [&](int link) { return !moves[link]; });
+    } else if (closing.selfCentering) {
+      const int follower = step.together.followers[0];
+      const int sign = hand_.joints[follower].mimicMultiplier > 0 ? 1 : -1;
+      step.alone = makeMover(closing.joint, closing.direction, false);
+      step.follower = makeMover(follower, sign * closing.direction, false);
+    }
+    if (closing.breakawayJoint >= 0) {
+      const int sign = hand_.joints[closing.breakawayJoint].mimicMultiplier > 0 ? 1 : -1;
+      step.breakaway = makeMover(closing.breakawayJoint, sign * closing.direction, false);
+    }
+    return step;
+  }
+
+  PreparedPreshape preparePreshape(const Preshape& preshape) const {
+    PreparedPreshape prepared;
+    prepared.X_HL = forwardKinematics(hand_, preshape.jointPosition);
+    prepared.X_GH = (prepared.X_HL[hand_.palmLink] * hand_.X_LG).inverse();
+    for (std::size_t i = 0; i < solidLinks_.size(); ++i) {
+      for (std::size_t j = i + 1; j < solidLinks_.size(); ++j) {
+        const int a = solidLinks_[i], b = solidLinks_[j];
+        if (!models_->linksTouch(a, prepared.X_HL[a], b, prepared.X_HL[b])) prepared.apart.emplace_back(a, b);
+      }
+    }
+    return prepared;
+  }
+
+  /// Surface test of one link; counts the query.
+  bool linkTouches(int link, const Isometry3d& X_OL) {
+    ++queries_;
+    return models_->surfacesTouch(link, X_OL);
+  }
+
+  Isometry3d handPoseAt(const GraspCandidate& candidate, double t) const {
+    return palmPose(candidate.targetPoint - t * candidate.approach + centering_, candidate.approach, candidate.roll) *
+           preshapes_[candidate.preshape].X_GH;
+  }
+
+  /// The hand in its preshape at back-off t: surfaces first, the link that touched last before the others, then
+  /// containment.
+  bool handTouchesAt(const GraspCandidate& candidate, double t) {
+    const Isometry3d X_OH = handPoseAt(candidate, t);
+    const auto& X_HL = preshapes_[candidate.preshape].X_HL;
+    if (linkTouches(likelyLink_, X_OH * X_HL[likelyLink_])) return true;
+    for (const int link : solidLinks_) {
+      if (link != likelyLink_ && linkTouches(link, X_OH * X_HL[link])) {
+        likelyLink_ = link;
+        return true;
+      }
+    }
+    return std::any_of(solidLinks_.begin(), solidLinks_.end(),
+                       [&](int link) { return models_->isContained(link, X_OH * X_HL[link]); });
+  }
+
+  /// A back-off from which on the hand is past the object: every point of the hand behind every point of the object.
+  double outsideDistance(const GraspCandidate& candidate) const {
+    const Isometry3d X_OH = handPoseAt(candidate, 0);
+    const auto& X_HL = preshapes_[candidate.preshape].X_HL;
+    double foremost = -std::numeric_limits<double>::infinity();
+    for (const int link : solidLinks_) {
+      const Isometry3d X_OL = X_OH * X_HL[link];
+      for (const Vector3d& p : hand_.links[link].mesh.vertices) {
+        foremost = std::max(foremost, candidate.approach.dot(X_OL * p));
+      }
+    }
+    double hindmost = std::numeric_limits<double>::infinity();
+    for (const Vector3d& p : object_.mesh.vertices) hindmost = std::min(hindmost, candidate.approach.dot(p));
+    return foremost - hindmost + settings_.linearStep;
+  }
+
+  /// The end of a bisection between a touching and a free value: the free side, within `tolerance`.
+  template <class Touches>
+  static double bisect(double touching, double free, double tolerance, const Touches& touches) {
+    while (std::abs(free - touching) > tolerance) {
+      const double middle = 0.5 * (free + touching);
+      (touches(middle) ? touching : free) = middle;
+    }
+    return free;
+  }
+
+  /// The smallest t >= `start` at which the hand is free.
+  double firstFree(const GraspCandidate& candidate, double start) {
+    const auto touches = [&](double t) { return handTouchesAt(candidate, t); };
+    if (!touches(start)) return start;
+    double t = start;
+    do t += settings_.linearStep;
+    while (touches(t));
+    return bisect(t - settings_.linearStep, t, settings_.linearTolerance, touches);
+  }
+
+  /// Where the hand, coming from outside, is stopped.
+  double lastFree(const GraspCandidate& candidate) {
+    const auto touches = [&](double t) { return handTouchesAt(candidate, t); };
+    double t = std::max(outsideDistance(candidate), settings_.startBackoff);
+    while (t - settings_.linearStep >= settings_.startBackoff) {
+      if (touches(t - settings_.linearStep)) {
+        return bisect(t - settings_.linearStep, t, settings_.linearTolerance, touches);
+      }
+      t -= settings_.linearStep;
+    }
+    return t;
+  }
+
+  void backOff(const GraspCandidate& candidate, GraspTrial& trial) {
+    likelyLink_ = solidLinks_[0];
+    const double standoff = hand_.preshapes[candidate.preshape].standoff;
+    trial.backoff =
+        kind_ == PolicyKind::surfaceNormal ? firstFree(candidate, settings_.startBackoff) : lastFree(candidate);
+    if (standoff > 0) trial.backoff = firstFree(candidate, trial.backoff + standoff);
+    trial.X_OH = handPoseAt(candidate, trial.backoff);
+  }
+
+  /// Puts a mover's joint at `position`, its followers along, each within its own limits.
+  void place(const Mover& mover, double position, Eigen::VectorXd& q) const {
+    q[mover.joint] = position;
+    for (const int follower : mover.followers) {
+      const HandJoint& joint = hand_.joints[follower];
+      q[follower] = std::clamp(joint.mimicMultiplier * q[joint.mimicOf] + joint.mimicOffset, joint.lower, joint.upper);
+    }
+  }
+
+  /// Moves one joint in its direction until a link that it moves touches, or to its limit.
+  ClosingStop closeJoint(const Mover& mover, const Isometry3d& X_OH, Eigen::VectorXd& q) {
+    const HandJoint& joint = hand_.joints[mover.joint];
+    const bool turns = joint.type == JointType::revolute;
+    const double step = turns ? settings_.angularStep : settings_.linearStep;
+    const double limit = mover.direction > 0 ? joint.upper : joint.lower;
+    ClosingStop stop{mover.joint, q[mover.joint], {}};
+    const auto posesAt = [&](double position) {
+      place(mover, position, q);
+      return forwardKinematics(hand_, q);
+    };
+    const auto touches = [&](double position) {
+      const std::vector<Isometry3d> X_HL = posesAt(position);
+      return std::any_of(mover.links.begin(), mover.links.end(),
+                         [&](int link) { return linkTouches(link, X_OH * X_HL[link]); });
+    };
+    while (mover.direction * (limit - stop.position) > 0) {
+      double next = stop.position + mover.direction * step;
+      if (mover.direction * (limit - next) < 0) next = limit;
+      if (touches(next)) {
+        const double tolerance = turns ? settings_.angularTolerance : settings_.linearTolerance;
+        stop.position = bisect(next, stop.position, tolerance, touches);
+        const std::vector<Isometry3d> X_HL = posesAt(stop.position + mover.direction * tolerance);
+        for (const int link : mover.links) {
+          if (linkTouches(link, X_OH * X_HL[link])) stop.links.push_back(link);
+        }
+        break;
+      }
+      stop.position = next;
+    }
+    place(mover, stop.position, q);
+    return stop;
+  }
+
+  /// Closes every finger in the hand's order. False: a self-centring jaw is blocked.
+  bool close(GraspTrial& trial) {
+    for (const ClosingStep& step : steps_) {
+      if (step.selfCentering && step.fixedLinks.empty()) {
+        if (!closeCentering(step, trial)) return false;
+        continue;
+      }
+      if (step.selfCentering) bringUpCounterpart(step, trial);
+      trial.stops.push_back(closeJoint(step.together, trial.X_OH, trial.jointPosition));
+      const std::vector<int>& stopped = trial.stops.back().links;
+      const auto isBeforeBreakaway = [&](int link) {
+        const auto& outer = step.breakaway.links;
+        return std::find(outer.begin(), outer.end(), link) == outer.end();
+      };
+      // The clutch opens when the proximal link is stopped; a finger stopped by its distal link stays coupled.
+      if (step.breakaway.joint >= 0 && std::any_of(stopped.begin(), stopped.end(), isBeforeBreakaway)) {
+        trial.stops.push_back(closeJoint(step.breakaway, trial.X_OH, trial.jointPosition));
+      }
+    }
+    return true;
+  }
+
+  /// Both jaws close until each touches; then the hand moves by half the difference so that they are coupled again,
+  /// with the jaws where they were on the object. A jaw that finds nothing: both close coupled, as the URDF says.
+  bool closeCentering(const ClosingStep& step, GraspTrial& trial) {
+    Eigen::VectorXd& q = trial.jointPosition;
+    const Eigen::VectorXd before = q;
+    const ClosingStop first = closeJoint(step.alone, trial.X_OH, q);
+    const ClosingStop second = closeJoint(step.follower, trial.X_OH, q);
+    if (first.links.empty() || second.links.empty()) {
+      q = before;
+      trial.stops.push_back(closeJoint(step.together, trial.X_OH, q));
+      return true;
+    }
+    trial.stops.push_back(first);
+    trial.stops.push_back(second);
+    const HandJoint& joint = hand_.joints[step.alone.joint];
+    const HandJoint& other = hand_.joints[step.follower.joint];
+    const double otherAsDriver = (second.position - other.mimicOffset) / other.mimicMultiplier;
+    const double centered = 0.5 * (first.position + otherAsDriver);
+    const Isometry3d X_HP = forwardKinematics(hand_, q)[joint.parentLink];
+    const Vector3d axis = trial.X_OH.linear() * (X_HP.linear() * (joint.X_PJ.linear() * joint.axis));
+    const Vector3d shift = (first.position - centered) * axis;
+    trial.centering += shift;
+    trial.X_OH.translation() += shift;
+    place(step.together, centered, q);
+    return !restTouches(step, trial);
+  }
+
+  /// One jaw against a fixed counterpart: the hand slides along its closing axis, palm where it is, until the
+  /// counterpart (any link that this joint does not move) touches. Where it finds nothing the hand stays.
+  void bringUpCounterpart(const ClosingStep& step, GraspTrial& trial) {
+    const std::vector<Isometry3d> X_HL = forwardKinematics(hand_, trial.jointPosition);
+    const Vector3d axis = -(trial.X_OH.linear() * (X_HL[hand_.palmLink].linear() * hand_.X_LG.linear().col(0)));
+    const auto touches = [&](double slide) {
+      const Isometry3d X_OH = Eigen::Translation3d(slide * axis) * trial.X_OH;
+      return std::any_of(step.fixedLinks.begin(), step.fixedLinks.end(),
+                         [&](int link) { return linkTouches(link, X_OH * X_HL[link]); });
+    };
+    const double farthest = objectBox_.diagonal().norm();
+    double slide = 0;
+    do slide += settings_.linearStep;
+    while (slide < farthest && !touches(slide));
+    if (slide >= farthest) return;
+    slide = bisect(slide, slide - settings_.linearStep, settings_.linearTolerance, touches);
+    trial.centering += slide * axis;
+    trial.X_OH.translation() += slide * axis;
+  }
+
+  /// After centring: does a link that is not a jaw of this step touch?
+  bool restTouches(const ClosingStep& step, const GraspTrial& trial) {
+    const std::vector<Isometry3d> X_HL = forwardKinematics(hand_, trial.jointPosition);
+    return std::any_of(solidLinks_.begin(), solidLinks_.end(), [&](int link) {
+      const auto& jaws = step.together.links;
+      return std::find(jaws.begin(), jaws.end(), link) == jaws.end() && linkTouches(link, trial.X_OH * X_HL[link]);
+    });
+  }
+
+  void gatherContacts(GraspTrial& trial) {
+    const std::vector<Isometry3d> X_HL = forwardKinematics(hand_, trial.jointPosition);
+    for (const int link : solidLinks_) {
+      if (!hand_.links[link].contactAllowed) continue;
+      const Isometry3d X_OL = trial.X_OH * X_HL[link];
+      models_->trianglesNear(link, X_OL, settings_.contactDistance, nearTriangles_);
+      if (nearTriangles_.empty()) continue;
+      collectCandidates(hand_.links[link].mesh, X_OL);
+      selectContacts(candidates_, settings_.contactsPerLink, settings_.contactSpacing, static_cast<std::uint16_t>(link),
+                     trial.contacts);
+    }
+  }
+
+  static Eigen::AlignedBox3d boxOf(const Corners& corners, double margin) {
+    Eigen::AlignedBox3d box(corners[0]);
+    box.extend(corners[1]).extend(corners[2]);
+    return {box.min().array() - margin, box.max().array() + margin};
+  }
+
+  /// All pairs of a near object triangle and a link triangle whose boxes meet.
+  void collectCandidates(const TriangleMesh& link, const Isometry3d& X_OL) {
+    candidates_.clear();
+    Eigen::AlignedBox3d nearBox;
+    for (const std::uint32_t i : nearTriangles_)
+      nearBox.extend(boxOf(object_.mesh.corners(i), settings_.contactDistance));
+    for (std::size_t j = 0; j < link.triangles.size(); ++j) {
+      Corners linkCorners = link.corners(j);
+      for (Vector3d& corner : linkCorners) corner = X_OL * corner;
+      const Eigen::AlignedBox3d linkBox = boxOf(linkCorners, settings_.contactDistance);
+      if (!linkBox.intersects(nearBox)) continue;
+      for (const std::uint32_t i : nearTriangles_) {
+        const Corners objectCorners = object_.mesh.corners(i);
+        if (!linkBox.intersects(boxOf(objectCorners, 0))) continue;
+        addContactCandidates(objectCorners, linkCorners, settings_.contactDistance, !object_.watertight, candidates_);
+      }
+    }
+  }
+
+  const Hand& hand_;
+  const ObjectModel& object_;
+  PolicyKind kind_;
+  ReferenceSettings settings_;
+  std::shared_ptr<const CollisionModels> models_;
+  Eigen::AlignedBox3d objectBox_;
+  std::vector<int> solidLinks_;
+  std::vector<ClosingStep> steps_;
+  std::vector<PreparedPreshape> preshapes_;
+
+  // scratch of one worker
+  int queries_ = 0;
+  int likelyLink_ = 0;
+  Vector3d centering_ = Vector3d::Zero();  // m, in O: moves the approach of a jaw that centres itself
+  std::vector<std::uint32_t> nearTriangles_;
+  std::vector<ContactCandidate> candidates_;
+};
+
+}  // namespace
+
+std::unique_ptr<GraspPolicy> makeReferencePolicy(const Hand& hand, const ObjectModel& object, PolicyKind kind,
+                                                 const ReferenceSettings& settings) {
+  return std::make_unique<ReferencePolicy>(hand, object, kind, settings);
+}
+
+}  // namespace handhold

@@ -1,0 +1,67 @@
+#pragma once
+
+#include "store/grasp_set.h"
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace handhold {
+
+/// What `list` and `info` show of a set, read without its large arrays.
+struct GraspSetSummary {
+  std::filesystem::path path;
+  std::string object, hand, inputHash, generator, policy;
+  int setVersion = 0;
+  double friction = 0;
+  int coneEdges = 0;
+  bool watertight = false;
+  std::size_t samples = 0, rolls = 0, preshapes = 0, grasps = 0, bytes = 0;
+  std::vector<std::pair<std::string, std::size_t>> outcomes;  // in the file's order, zero counts included
+  double bestEpsilon = 0;                                     // 0 when there is no grasp
+  std::map<std::string, double> seconds;
+  std::string created, host;
+  std::vector<std::string> objectNotes;
+};
+
+/// `DIR/<object>/<hand>/v<NNNN>.h5`: complete or absent, never changed once written (db/FORMAT.md).
+/// Object and hand names that could not be folders are refused with InputError by every function that takes them.
+/// @note  Const; safe from many threads, and from many processes on one folder.
+class Database {
+ public:
+  explicit Database(std::filesystem::path folder) : folder_(std::move(folder)) {}
+  const std::filesystem::path& folder() const { return folder_; }
+
+  /// Writes the set under the next free version (set.setVersion is ignored) and returns its path. Nothing is visible
+  /// before it is whole, nothing is left behind when it cannot be. Needs memory for two copies of the file.
+  /// @throws SystemError  disk full, no permission
+  /// @throws InputError   `set OBJECT/HAND: ...` the set contradicts itself: readGraspSet would refuse it
+  std::filesystem::path write(GraspSet set) const;
+
+  /// The newest version's number of (object, hand), 0 when there is none.
+  int newestVersion(const std::string& object, const std::string& hand) const;
+  std::filesystem::path setPath(const std::string& object, const std::string& hand, int version) const;
+
+  /// Every set file, sorted by object, hand, version; none when there is no such folder.
+  std::vector<std::filesystem::path> files() const;
+
+ private:
+  std::filesystem::path folder_;
+};
+
+/// Reads a whole set. The checksum is checked before HDF5 opens the file, then every shape, index and order.
+/// @throws InputError  `PATH: ...` not a set, damaged, of a newer format, contradicting itself
+GraspSet readGraspSet(const std::filesystem::path& path);
+/// Checks the checksum of the whole file, then reads what is asked for. Throws InputError as readGraspSet does.
+GraspSetSummary readSummary(const std::filesystem::path& path);
+/// The attribute input_hash, from the first 512 bytes; of the rest only the length is checked. For skipping unchanged
+/// sets: takes microseconds. Throws InputError as readGraspSet does.
+std::string readInputHash(const std::filesystem::path& path);
+
+/// Empty when the sets are equal: /timings, generator and set_version aside, NaN equal to NaN. Else the path of the
+/// first dataset or attribute that differs, as db/FORMAT.md writes it (`/trials/outcome@names`).
+std::string firstDifference(const GraspSet& a, const GraspSet& b);
+
+}  // namespace handhold

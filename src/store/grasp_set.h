@@ -1,0 +1,73 @@
+#pragma once
+
+#include "mesh/triangle_mesh.h"
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+namespace handhold {
+
+/// One grasp set: everything in one database file (db/FORMAT.md). Arrays are row-major; lengths are in elements.
+struct GraspSet {
+  // provenance
+  std::string object, hand, inputHash, generator, job, policy;
+  int setVersion = 0;
+  double friction = 0, torqueScale = 0, pitch = 0, mapPitch = 0;
+  int coneEdges = 0;
+  std::uint64_t seed = 0;
+
+  // object
+  TriangleMesh objectMesh;
+  bool watertight = false;
+  Eigen::Vector3d centerOfMass = Eigen::Vector3d::Zero();
+  std::vector<std::string> objectNotes;
+
+  // hand
+  std::vector<std::string> jointNames, linkNames, preshapeNames;
+  std::string urdf, config;
+  std::vector<TriangleMesh> linkMeshes;  // one per link name, link frame
+
+  // trials
+  std::size_t samples = 0, rolls = 0, preshapes = 0;
+  std::vector<float> samplePoint, sampleNormal;  // (N,3)
+  std::vector<std::string> outcomeNames;
+  std::vector<std::uint8_t> outcome;  // (N,R,M)
+  std::vector<float> trialEpsilon;    // (N,R,M)
+
+  // grasps, one row each
+  std::vector<std::uint32_t> trial;            // (n,3) sample, roll, preshape
+  std::vector<float> targetPoint;              // (n,3)
+  std::vector<float> approachDirection;        // (n,3)
+  std::vector<float> roll;                     // (n)
+  std::vector<double> handPose;                // (n,7) x y z qx qy qz qw of the root link
+  std::vector<float> jointPosition;            // (n,J)
+  std::vector<float> preshapeJointPosition;    // (n,J)
+  std::vector<double> epsilon;                 // (n)
+  std::vector<float> backoff;                  // (n)
+  std::vector<std::uint8_t> approachClear;     // (n)
+  std::vector<std::uint32_t> contactBegin{0};  // (n+1)
+
+  // contacts
+  std::vector<float> contactPosition, contactNormal;  // (C,3)
+  std::vector<std::uint16_t> contactLink;             // (C)
+
+  // distance map
+  std::vector<float> mapPoint, mapNormal;  // (S,3)
+  int neighbors = 0;                       // k
+  std::vector<std::uint32_t> mapNeighbor;  // (n,k)
+  std::vector<float> mapWeight;            // (n,k)
+
+  // timings: never compared
+  std::map<std::string, double> seconds;  // per stage, of one core
+  std::string host, created;
+
+  std::size_t graspCount() const { return epsilon.size(); }
+  std::size_t trialCount() const { return samples * rolls * preshapes; }
+};
+
+}  // namespace handhold
