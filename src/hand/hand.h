@@ -33,7 +33,7 @@ struct HandLink {
   int joint = -1;                                          // moving joint to the parent; -1: fixed (or the root)
   Eigen::Isometry3d X_PL = Eigen::Isometry3d::Identity();  // of a fixed link in its parent
   TriangleMesh mesh;                                       // all collision geometry, in the link frame
-  std::vector<Eigen::Vector3d> piecePoints;                // one point of each piece, for containment tests
+  std::vector<Eigen::Vector3d> piecePoints;                // one point of each connected piece, for containment tests
   bool contactAllowed = true;
 };
 

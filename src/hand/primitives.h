@@ -7,7 +7,7 @@
 namespace handhold {
 
 /// Chord error of a tessellated primitive: points of the true surface lie at most this far outside the triangles [m].
-inline constexpr double kChordError = 2e-5;
+inline constexpr double kChordError = 4e-5;
 
 /// A box of full extents `size` [m], centred on the origin.
 TriangleMesh boxMesh(const Eigen::Vector3d& size);

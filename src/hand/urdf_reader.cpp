@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <limits>
 #include <mutex>
+#include <numeric>
 
 #include <console_bridge/console.h>
 #include <fmt/format.h>
@@ -33,8 +34,8 @@ class MessageCollector : public console_bridge::OutputHandler {
 
 /// A .xacro file is a program that writes a URDF; we do not run it.
 void refuseXacro(const std::string& path, const std::string& text) {
-  const bool isXacro = fs::path(path).extension() == ".xacro" || text.find("xmlns:xacro") != std::string::npos ||
-                       text.find("<xacro:") != std::string::npos;
+  // A plain URDF that xacro wrote may still declare its namespace; only elements of it matter.
+  const bool isXacro = fs::path(path).extension() == ".xacro" || text.find("<xacro:") != std::string::npos;
   if (!isXacro) return;
   const std::string output = fs::path(path).stem().extension() == ".urdf" ? fs::path(path).stem().string()
                                                                           : fs::path(path).stem().string() + ".urdf";
@@ -92,6 +93,28 @@ std::string resolveMesh(const std::string& name, const std::string& urdfPath, co
   return (fs::path(urdfPath).parent_path() / plain).lexically_normal().string();
 }
 
+/// A mesh file may hold several parts: a point on each, since any of them can be inside an object while the others are
+/// not. Parts are connected by shared vertices.
+std::vector<Eigen::Vector3d> onePointPerComponent(const TriangleMesh& mesh) {
+  std::vector<std::uint32_t> parent(mesh.vertices.size());
+  std::iota(parent.begin(), parent.end(), 0U);
+  const auto rootOf = [&](std::uint32_t vertex) {
+    while (parent[vertex] != vertex) vertex = parent[vertex] = parent[parent[vertex]];
+    return vertex;
+  };
+  for (const auto& t : mesh.triangles) {
+    for (const std::uint32_t other : {t[1], t[2]}) {
+      const auto [low, high] = std::minmax({rootOf(t[0]), rootOf(other)});
+      parent[high] = low;
+    }
+  }
+  std::vector<Eigen::Vector3d> points;
+  for (std::uint32_t i = 0; i < parent.size(); ++i) {
+    if (parent[i] == i) points.push_back(mesh.vertices[i]);
+  }
+  return points;
+}
+
 /// What one URDF reading needs to know everywhere.
 struct Reader {
   const std::string& path;
@@ -145,7 +168,7 @@ struct Reader {
     }
     for (const auto& [geometry, X_LP] : pieces) {
       const TriangleMesh piece = geometryMesh(*geometry, link.name);
-      link.piecePoints.push_back(X_LP * piece.vertices[piece.triangles[0][0]]);
+      for (const Eigen::Vector3d& point : onePointPerComponent(piece)) link.piecePoints.push_back(X_LP * point);
       append(link.mesh, piece, X_LP);
     }
     roundToFloat(link.mesh);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -170,7 +171,9 @@ SurfaceSamples sampleSphere(const ObjectModel& object, const RayScene& scene, st
       return samples;
     }
     const double hitShare = std::max(1e-3, static_cast<double>(samples.size()) / static_cast<double>(lattice));
-    lattice = static_cast<std::size_t>(static_cast<double>(count) / hitShare * 1.1) + 1;
+    // At least half as many again, or a rarely hit object would be tried with the same lattice for ever.
+    lattice =
+        std::max(static_cast<std::size_t>(static_cast<double>(count) / hitShare * 1.1), lattice + lattice / 2) + 1;
     if (samples.size() == 0) break;
   }
   throw InputError(
@@ -180,16 +183,15 @@ SurfaceSamples sampleSphere(const ObjectModel& object, const RayScene& scene, st
 void findNeighbors(DistanceMapPoints& map, const std::vector<Eigen::Vector3f>& target,
                    const std::vector<Eigen::Vector3f>& targetNormal, int k) {
   constexpr float kSameSide = 0.5F;           // cosine of 60 degrees
-  constexpr float kOtherSidePenalty = 100;    // m^2: every point of the same side comes before any other
   constexpr float kSmallestDistance = 1e-6F;  // m, a target that is a map point
   const std::size_t points = map.samples.size();
   map.neighborCount = static_cast<int>(std::min<std::size_t>(k, points));
-  std::vector<float> cost(points);
+  std::vector<std::pair<bool, float>> cost(points);  // every point of the same side comes before any other
   std::vector<std::uint32_t> order(points);
   for (std::size_t i = 0; i < target.size(); ++i) {
     for (std::size_t j = 0; j < points; ++j) {
-      const bool sameSide = map.samples.normal[j].dot(targetNormal[i]) >= kSameSide;
-      cost[j] = (map.samples.point[j] - target[i]).squaredNorm() + (sameSide ? 0.0F : kOtherSidePenalty);
+      const bool otherSide = map.samples.normal[j].dot(targetNormal[i]) < kSameSide;
+      cost[j] = {otherSide, (map.samples.point[j] - target[i]).squaredNorm()};
     }
     std::iota(order.begin(), order.end(), 0U);
     std::partial_sort(order.begin(), order.begin() + map.neighborCount, order.end(),

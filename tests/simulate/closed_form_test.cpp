@@ -19,7 +19,7 @@ using testing::makeJaw;
 using testing::makeObject;
 using testing::sphereObject;
 
-constexpr double kTolerance = 3e-5;  // m: the reference's own 1e-5, the chord error of round objects 2e-5
+constexpr double kTolerance = 6e-5;  // m: the reference's own 1e-5, the chord error of round objects 4e-5
 const ReferenceSettings kSettings;
 
 GraspTrial run(const Hand& hand, const ObjectModel& object, const GraspCandidate& candidate) {
@@ -113,7 +113,7 @@ TEST(ClosedForm, CylinderInThreeFingers) {
   const GraspTrial trial = run(makeFingers(3), cylinder, fromAbove(0.05));
   EXPECT_NEAR(trial.backoff, kSettings.startBackoff, kTolerance);
   for (int i = 1; i < 3; ++i) {
-    // The cylinder's facets are not the same to every finger: 2e-5 m at 30 mm from the joint.
+    // The cylinder's facets are not the same to every finger: 4e-5 m at 30 mm from the joint.
     EXPECT_NEAR(trial.jointPosition[2 * i], trial.jointPosition[0], 2e-3);
   }
   std::vector<bool> touched(7, false);

@@ -1,0 +1,231 @@
+#include "build/build_job.h"
+
+#include "build/build_set.h"
+#include "core/error.h"
+#include "core/file.h"
+#include "core/hash.h"
+#include "core/log.h"
+
+#include <algorithm>
+#include <fstream>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+namespace handhold {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// An item of the catalog with the hands that are selected for it.
+struct Selection {
+  const CatalogItem* item;
+  std::vector<const Hand*> hands;
+};
+
+std::vector<Selection> select(const Job& job, const std::vector<Hand>& hands, const BuildOptions& options) {
+  std::vector<Selection> result;
+  for (const CatalogItem& item : job.catalog) {
+    Selection selection{&item, {}};
+    for (const Hand& hand : hands) {
+      const bool mine = hashText(item.name + "/" + hand.name) % options.shards == options.shard;
+      if (mine && matchesGlob(item.name, options.objectGlob) && matchesGlob(hand.name, options.handGlob)) {
+        selection.hands.push_back(&hand);
+      }
+    }
+    if (!selection.hands.empty()) result.push_back(std::move(selection));
+  }
+  return result;
+}
+
+/// N*R*M as far as it is known before sampling.
+std::size_t expectedTrials(const Job& job, const Hand& hand) { return job.samples * job.rolls * hand.preshapes.size(); }
+
+/// A newest version that was made from these inputs. A file that cannot be read counts as none: it is built anew beside
+/// it.
+bool isUnchanged(const Database& database, const std::string& object, const std::string& hand,
+                 const std::string& hash) {
+  const int version = database.newestVersion(object, hand);
+  if (version == 0) return false;
+  try {
+    return readInputHash(database.setPath(object, hand, version)) == hash;
+  } catch (const InputError& error) {
+    logWarning(fmt::format("{}; a new version will be built", error.what()));
+    return false;
+  }
+}
+
+std::string quoted(const std::string& text) {
+  return text.find_first_of(" '\"$&;()*?[]") == std::string::npos ? text : "'" + text + "'";
+}
+
+/// Everything that one run of a job shares.
+class JobRun {
+ public:
+  JobRun(const Job& job, const Database& database, const BuildOptions& options, const std::atomic<bool>& cancel,
+         Progress& progress)
+      : job_(job),
+        database_(database),
+        options_(options),
+        cancel_(cancel),
+        progress_(progress),
+        jobs_(options.threads) {}
+
+  void runObject(const Selection& selection) {
+    const CatalogItem& item = *selection.item;
+    std::vector<const Hand*> missing;
+    for (const Hand* hand : selection.hands) {
+      if (!reportUnchanged(item, *hand)) missing.push_back(hand);
+    }
+    if (missing.empty() || cancel_) return;
+    progress_.begin(item.name, reports_.size());
+    SampledObject object;
+    try {
+      object = loadSampledObject(job_, item);
+    } catch (const InputError& error) {
+      if (cancel_) return;  // Ctrl-C ends the importer too
+      for (const Hand* hand : missing) reportFailure(item, *hand, error.what());
+      return;
+    }
+    for (const std::string& note : object.model.notes) logInfo(fmt::format("{}: {}", item.name, note));
+    for (const std::string& warning : object.model.warnings) logWarning(fmt::format("{}: {}", item.name, warning));
+    for (const Hand* hand : missing) {
+      if (!cancel_) runSet(object, *hand);
+    }
+  }
+
+  std::vector<SetReport> takeReports() { return std::move(reports_); }
+
+ private:
+  /// A set that cannot be read, or whose mesh cannot, is not unchanged: building it will tell.
+  bool reportUnchanged(const CatalogItem& item, const Hand& hand) {
+    try {
+      if (options_.force || !isUnchanged(database_, item.name, hand.name, inputHash(job_, item, hand))) return false;
+      const int version = database_.newestVersion(item.name, hand.name);
+      reports_.push_back({item.name, hand.name, SetReport::State::unchanged,
+                          readSummary(database_.setPath(item.name, hand.name, version)), "", ""});
+    } catch (const InputError&) {
+      return false;
+    }
+    progress_.skipTrials(expectedTrials(job_, hand));
+    return true;
+  }
+
+  void runSet(const SampledObject& object, const Hand& hand) {
+    const CatalogItem& item = *object.item;
+    progress_.begin(item.name + " x " + hand.name, reports_.size());
+    try {
+      std::optional<GraspSet> set = buildSet(job_, object, hand, jobs_, progress_.counters(), cancel_);
+      if (!set) return;
+      const std::size_t grasps = set->graspCount();
+      const fs::path path = database_.write(std::move(*set));
+      reports_.push_back({item.name, hand.name, SetReport::State::built, readSummary(path), "", ""});
+      if (grasps == 0) logWarning(fmt::format("{} x {}: no grasp is force closed", item.name, hand.name));
+      logInfo(fmt::format("{} x {}: {} grasps, {}", item.name, hand.name, grasps, path.string()));
+    } catch (const InputError& error) {
+      reportFailure(item, hand, error.what());
+    } catch (const SystemError& error) {
+      reportFailure(item, hand, error.what());
+    } catch (const std::bad_alloc&) {
+      reportFailure(item, hand, "out of memory");
+    }
+  }
+
+  void reportFailure(const CatalogItem& item, const Hand& hand, const std::string& error) {
+    const std::string command = fmt::format("handhold build {} --object {} --hand {} --db {}", quoted(job_.path),
+                                            item.name, hand.name, quoted(database_.folder().string()));
+    logError(fmt::format("{} x {}: {}", item.name, hand.name, error));
+    reports_.push_back({item.name, hand.name, SetReport::State::failed, {}, error, command});
+    progress_.skipTrials(expectedTrials(job_, hand));
+  }
+
+  const Job& job_;
+  const Database& database_;
+  const BuildOptions& options_;
+  const std::atomic<bool>& cancel_;
+  Progress& progress_;
+  JobSystem jobs_;
+  std::vector<SetReport> reports_;
+};
+
+/// `failed.json`: the failures of the last run, replaced as a whole; removed when there are none.
+void recordFailures(const Database& database, const std::vector<SetReport>& reports) {
+  nlohmann::json failures = nlohmann::json::array();
+  for (const SetReport& report : reports) {
+    if (report.state != SetReport::State::failed) continue;
+    failures.push_back(
+        {{"object", report.object}, {"hand", report.hand}, {"error", report.error}, {"command", report.command}});
+  }
+  const fs::path target = database.folder() / "failed.json";
+  std::error_code error;
+  if (failures.empty()) {
+    fs::remove(target, error);
+    return;
+  }
+  fs::create_directories(database.folder(), error);
+  const fs::path temporary = temporaryName(database.folder());
+  std::ofstream stream(temporary);
+  stream << failures.dump(1) << '\n';
+  stream.close();
+  fs::rename(temporary, target, error);
+  if (!stream || error) logWarning(fmt::format("{}: cannot be written", target.string()));
+}
+
+}  // namespace
+
+std::vector<SetReport> buildJob(const Job& job, const std::vector<Hand>& hands, const Database& database,
+                                const BuildOptions& options, const std::atomic<bool>& cancel) {
+  const std::vector<Selection> selections = select(job, hands, options);
+  std::size_t sets = 0, trials = 0;
+  for (const Selection& selection : selections) {
+    sets += selection.hands.size();
+    for (const Hand* hand : selection.hands) trials += expectedTrials(job, *hand);
+  }
+  std::vector<SetReport> reports;
+  {
+    Progress progress(options.progress, sets, trials);
+    JobRun run(job, database, options, cancel, progress);
+    for (const Selection& selection : selections) {
+      if (!cancel) run.runObject(selection);
+    }
+    reports = run.takeReports();
+  }
+  for (const Selection& selection : selections) {
+    for (const Hand* hand : selection.hands) {
+      const bool reported = std::any_of(reports.begin(), reports.end(), [&](const SetReport& report) {
+        return report.object == selection.item->name && report.hand == hand->name;
+      });
+      if (!reported) reports.push_back({selection.item->name, hand->name, SetReport::State::stopped, {}, "", ""});
+    }
+  }
+  std::stable_sort(reports.begin(), reports.end(), [](const SetReport& a, const SetReport& b) {
+    return a.object != b.object ? a.object < b.object : a.hand < b.hand;
+  });
+  recordFailures(database, reports);
+  return reports;
+}
+
+std::vector<PlannedSet> planJob(const Job& job, const std::vector<Hand>& hands, const Database& database,
+                                const BuildOptions& options) {
+  std::vector<PlannedSet> plan;
+  for (const Selection& selection : select(job, hands, options)) {
+    for (const Hand* hand : selection.hands) {
+      PlannedSet& set = plan.emplace_back();
+      set.object = selection.item->name;
+      set.hand = hand->name;
+      set.trials = expectedTrials(job, *hand);
+      try {
+        const std::string hash = inputHash(job, *selection.item, *hand);
+        const bool exists = database.newestVersion(set.object, set.hand) > 0;
+        set.state = !exists                                             ? PlannedSet::State::missing
+                    : isUnchanged(database, set.object, set.hand, hash) ? PlannedSet::State::unchanged
+                                                                        : PlannedSet::State::changed;
+      } catch (const InputError&) {
+        set.state = PlannedSet::State::unreadable;
+      }
+    }
+  }
+  return plan;
+}
+
+}  // namespace handhold

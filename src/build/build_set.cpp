@@ -1,0 +1,255 @@
+#include "build/build_set.h"
+
+#include "build/keep.h"
+#include "core/file.h"
+#include "core/hash.h"
+
+#include <chrono>
+#include <cmath>
+#include <ctime>
+#include <numbers>
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+namespace handhold {
+namespace {
+
+/// Part of every input hash: to be raised whenever a change of ours changes results.
+constexpr int kMethodVersion = 1;
+
+/// The distance map is sampled with this many points for each target point (III-A: "at a finer resolution").
+constexpr std::size_t kMapPointsPerSample = 4;
+
+double secondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+template <class T, class V>
+void appendVector(std::vector<T>& array, const V& vector) {
+  for (Eigen::Index i = 0; i < vector.size(); ++i) array.push_back(static_cast<T>(vector[i]));
+}
+
+void appendPoints(std::vector<float>& array, const std::vector<Eigen::Vector3f>& points) {
+  for (const Eigen::Vector3f& point : points) appendVector(array, point);
+}
+
+/// What one worker writes for one sample: R*M trials.
+struct SampleResult {
+  std::vector<KeptGrasp> grasps;
+};
+
+void setObject(const SampledObject& object, GraspSet& set) {
+  set.object = object.item->name;
+  set.objectMesh = object.model.mesh;
+  set.watertight = object.model.watertight;
+  set.centerOfMass = object.model.mass.centerOfMass;
+  set.objectNotes = object.model.notes;
+  set.objectNotes.insert(set.objectNotes.end(), object.model.warnings.begin(), object.model.warnings.end());
+  appendPoints(set.samplePoint, object.samples.point);
+  appendPoints(set.sampleNormal, object.samples.normal);
+  appendPoints(set.mapPoint, object.mapSamples.point);
+  appendPoints(set.mapNormal, object.mapSamples.normal);
+  set.pitch = object.samples.pitch;
+  set.mapPitch = object.mapSamples.pitch;
+}
+
+void setHand(const Hand& hand, GraspSet& set) {
+  set.hand = hand.name;
+  for (const HandJoint& joint : hand.joints) set.jointNames.push_back(joint.name);
+  for (const HandLink& link : hand.links) {
+    set.linkNames.push_back(link.name);
+    set.linkMeshes.push_back(link.mesh);
+  }
+  for (const Preshape& preshape : hand.preshapes) set.preshapeNames.push_back(preshape.name);
+  set.urdf = hand.urdfText;
+  set.config = hand.configText;
+}
+
+void setParameters(const Job& job, const WrenchModel& model, GraspSet& set) {
+  set.job = job.text;
+  set.policy = job.policy == PolicyKind::surfaceNormal ? "surface_normal" : "center_of_mass";
+  set.friction = model.friction;
+  set.torqueScale = model.torqueScale;
+  set.coneEdges = model.coneEdges;
+  set.seed = job.seed;
+  set.rolls = job.rolls;
+  set.generator = "handhold " HANDHOLD_VERSION;
+  for (const std::string_view name : kOutcomeNames) set.outcomeNames.emplace_back(name);
+}
+
+void addGrasp(const Job& job, const SampledObject& object, const Hand& hand, const KeptGrasp& grasp, GraspSet& set) {
+  const GraspCandidate candidate = candidateAt(job, object.samples, hand, grasp.trial);
+  const std::size_t preshapes = hand.preshapes.size();
+  const std::size_t sample = grasp.trial / (preshapes * job.rolls);
+  set.trial.push_back(static_cast<std::uint32_t>(sample));
+  set.trial.push_back(static_cast<std::uint32_t>(grasp.trial / preshapes % job.rolls));
+  set.trial.push_back(static_cast<std::uint32_t>(grasp.trial % preshapes));
+  appendVector(set.targetPoint, object.samples.point[sample]);
+  appendVector(set.approachDirection, object.samples.approach[sample]);
+  set.roll.push_back(static_cast<float>(candidate.roll));
+  Eigen::Quaterniond q(grasp.X_OH.linear());
+  if (q.w() < 0) q.coeffs() = -q.coeffs();  // one of the two quaternions of a rotation
+  appendVector(set.handPose, grasp.X_OH.translation());
+  appendVector(set.handPose, q.coeffs());
+  appendVector(set.jointPosition, grasp.jointPosition);
+  appendVector(set.preshapeJointPosition, hand.preshapes[candidate.preshape].jointPosition);
+  set.epsilon.push_back(grasp.epsilon);
+  set.backoff.push_back(static_cast<float>(grasp.backoff));
+  set.approachClear.push_back(grasp.approachClear ? 1 : 0);
+  for (const Contact& contact : grasp.contacts) {
+    appendVector(set.contactPosition, contact.position);
+    appendVector(set.contactNormal, contact.normal);
+    set.contactLink.push_back(contact.link);
+  }
+  set.contactBegin.push_back(static_cast<std::uint32_t>(set.contactLink.size()));
+}
+
+/// The k map points around each grasp's target. Grasps that share a sample share the search.
+void addNeighbors(const Job& job, const SampledObject& object, GraspSet& set) {
+  std::vector<int> rowOfSample(object.samples.size(), -1);
+  std::vector<Eigen::Vector3f> points, normals;
+  for (std::size_t i = 0; i < set.graspCount(); ++i) {
+    int& row = rowOfSample[set.trial[3 * i]];
+    if (row >= 0) continue;
+    row = static_cast<int>(points.size());
+    points.push_back(object.samples.point[set.trial[3 * i]]);
+    normals.push_back(object.samples.normal[set.trial[3 * i]]);
+  }
+  DistanceMapPoints map;
+  map.samples = object.mapSamples;
+  findNeighbors(map, points, normals, job.mapNeighbors);
+  set.neighbors = map.neighborCount;
+  for (std::size_t i = 0; i < set.graspCount(); ++i) {
+    const std::size_t begin = static_cast<std::size_t>(rowOfSample[set.trial[3 * i]]) * map.neighborCount;
+    set.mapNeighbor.insert(set.mapNeighbor.end(), map.neighbor.begin() + begin,
+                           map.neighbor.begin() + begin + map.neighborCount);
+    set.mapWeight.insert(set.mapWeight.end(), map.weight.begin() + begin,
+                         map.weight.begin() + begin + map.neighborCount);
+  }
+}
+
+void setTimings(const SampledObject& object, const std::vector<StageSeconds>& workers, GraspSet& set) {
+  set.seconds = object.seconds;
+  for (const StageSeconds& worker : workers) {
+    set.seconds["policy"] += worker.policy;
+    set.seconds["force_closure"] += worker.forceClosure;
+    set.seconds["epsilon"] += worker.epsilon;
+    set.seconds["approach"] += worker.approach;
+  }
+  char host[256] = {};
+  ::gethostname(host, sizeof host - 1);
+  set.host = host;
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  ::gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+  set.created = text;
+}
+
+}  // namespace
+
+SampledObject loadSampledObject(const Job& job, const CatalogItem& item) {
+  SampledObject object;
+  object.item = &item;
+  auto start = std::chrono::steady_clock::now();
+  object.model = loadObject(item.mesh, item.unit);
+  object.seconds["load"] = secondsSince(start);
+  start = std::chrono::steady_clock::now();
+  const RayScene scene(object.model.mesh);
+  if (job.policy == PolicyKind::centerOfMass) {
+    object.samples = sampleSphere(object.model, scene, job.samples, item.mesh);
+  } else if (job.pitch > 0) {
+    object.samples = sampleSurface(object.model, scene, job.pitch, item.mesh);
+  } else {
+    object.samples = sampleSurfaceCount(object.model, scene, job.samples, item.mesh);
+  }
+  object.mapSamples = sampleSurfaceCount(object.model, scene, kMapPointsPerSample * object.samples.size(), item.mesh);
+  object.seconds["sample"] = secondsSince(start);
+  return object;
+}
+
+std::string inputHash(const Job& job, const CatalogItem& item, const Hand& hand) {
+  ContentHash hash;
+  hash.addNumber(kMethodVersion);
+  hash.addText(readFile(item.mesh));
+  hash.addNumber(item.unit.scale);
+  hash.addNumber(item.unit.written ? 1 : 0);
+  hash.addText(hand.contentHash);
+  for (const Preshape& preshape : hand.preshapes) hash.addText(preshape.name);
+  for (const double number :
+       {static_cast<double>(job.policy), static_cast<double>(job.samples), job.pitch, static_cast<double>(job.rolls),
+        item.friction, static_cast<double>(job.coneEdges), static_cast<double>(job.mapNeighbors),
+        static_cast<double>(job.keepTop), static_cast<double>(job.keepDiverse), static_cast<double>(job.seed)}) {
+    hash.addNumber(number);
+  }
+  return hash.hex();
+}
+
+WrenchModel wrenchModel(const Job& job, const CatalogItem& item, const ObjectModel& object) {
+  return {object.mass.centerOfMass, object.mass.radius, item.friction, job.coneEdges};
+}
+
+GraspCandidate candidateAt(const Job& job, const SurfaceSamples& samples, const Hand& hand, std::size_t trial) {
+  const std::size_t preshapes = hand.preshapes.size();
+  const std::size_t sample = trial / (preshapes * job.rolls);
+  GraspCandidate candidate;
+  candidate.targetPoint = samples.point[sample].cast<double>();
+  candidate.approach = samples.approach[sample].cast<double>().normalized();
+  candidate.roll = 2 * std::numbers::pi * static_cast<double>(trial / preshapes % job.rolls) / job.rolls;
+  candidate.preshape = static_cast<int>(trial % preshapes);
+  return candidate;
+}
+
+std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand, const JobSystem& jobs,
+                                 BuildCounters& counters, const std::atomic<bool>& cancel) {
+  GraspSet set;
+  const WrenchModel model = wrenchModel(job, *object.item, object.model);
+  setObject(object, set);
+  setHand(hand, set);
+  setParameters(job, model, set);
+  set.inputHash = inputHash(job, *object.item, hand);
+  set.samples = object.samples.size();
+  set.preshapes = hand.preshapes.size();
+  set.outcome.assign(set.trialCount(), static_cast<std::uint8_t>(GraspOutcome::notRun));
+  set.trialEpsilon.assign(set.trialCount(), std::nanf(""));
+
+  std::vector<std::unique_ptr<GraspPolicy>> policies;
+  policies.push_back(makeReferencePolicy(hand, object.model, job.policy));
+  while (static_cast<int>(policies.size()) < jobs.threads()) policies.push_back(policies[0]->clone());
+  std::vector<StageSeconds> seconds(jobs.threads());
+  std::vector<Evaluation> evaluations(jobs.threads());
+  std::vector<SampleResult> results(set.samples);
+  const std::size_t perSample = set.rolls * set.preshapes;
+
+  const auto runSample = [&](int worker, std::size_t sample) {
+    Evaluation& evaluation = evaluations[worker];
+    for (std::size_t trial = sample * perSample; trial < (sample + 1) * perSample && !cancel; ++trial) {
+      evaluate(*policies[worker], candidateAt(job, object.samples, hand, trial), model, evaluation, seconds[worker]);
+      set.outcome[trial] = static_cast<std::uint8_t>(evaluation.trial.outcome);
+      set.trialEpsilon[trial] = static_cast<float>(evaluation.epsilon);
+      if (evaluation.trial.outcome == GraspOutcome::forceClosed) {
+        results[sample].grasps.push_back({trial, evaluation.epsilon, evaluation.trial.X_OH, evaluation.trial.backoff,
+                                          evaluation.approachClear, evaluation.trial.jointPosition,
+                                          evaluation.trial.contacts});
+        ++counters.forceClosed;
+      }
+      ++counters.trials;
+    }
+  };
+  jobs.run(set.samples, 1, runSample, &cancel);
+  if (cancel) return std::nullopt;
+
+  std::vector<KeptGrasp> grasps;
+  for (SampleResult& result : results)
+    std::move(result.grasps.begin(), result.grasps.end(), std::back_inserter(grasps));
+  sortGrasps(grasps);
+  keepGrasps(grasps, job.keepTop, job.keepDiverse, object.model.mass.radius);
+  for (const KeptGrasp& grasp : grasps) addGrasp(job, object, hand, grasp, set);
+  addNeighbors(job, object, set);
+  setTimings(object, seconds, set);
+  return set;
+}
+
+}  // namespace handhold

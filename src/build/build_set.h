@@ -1,0 +1,47 @@
+#pragma once
+
+#include "build/evaluate.h"
+#include "build/job.h"
+#include "build/job_system.h"
+#include "sample/surface_samples.h"
+#include "store/grasp_set.h"
+
+#include <atomic>
+#include <map>
+#include <optional>
+#include <string>
+
+namespace handhold {
+
+/// An object of the catalog with its target points and distance-map points: the same for every hand.
+struct SampledObject {
+  const CatalogItem* item = nullptr;
+  ObjectModel model;
+  SurfaceSamples samples;
+  SurfaceSamples mapSamples;
+  std::map<std::string, double> seconds;  // load, sample
+};
+
+/// Loads and samples one object. @throws InputError
+SampledObject loadSampledObject(const Job& job, const CatalogItem& item);
+
+/// The hash of everything that changes a set's results: mesh bytes and unit, hand files, parameters, method version.
+/// @throws InputError  the mesh file cannot be read
+std::string inputHash(const Job& job, const CatalogItem& item, const Hand& hand);
+
+WrenchModel wrenchModel(const Job& job, const CatalogItem& item, const ObjectModel& object);
+
+/// Candidate `trial` of N*R*M, in the order (sample, roll, preshape), rows first.
+GraspCandidate candidateAt(const Job& job, const SurfaceSamples& samples, const Hand& hand, std::size_t trial);
+
+/// What others may watch while a set is built.
+struct BuildCounters {
+  std::atomic<std::size_t> trials{0}, forceClosed{0};
+};
+
+/// Runs all N*R*M trials of one object and hand on all threads of `jobs`. Results do not depend on their number.
+/// @return nothing when `cancel` became true
+std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand, const JobSystem& jobs,
+                                 BuildCounters& counters, const std::atomic<bool>& cancel);
+
+}  // namespace handhold

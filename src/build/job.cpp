@@ -1,0 +1,245 @@
+#include "build/job.h"
+
+#include "core/error.h"
+#include "core/file.h"
+#include "core/yaml.h"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <map>
+#include <sstream>
+
+#include <fmt/format.h>
+
+namespace handhold {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string besides(const std::string& file, const std::string& path) {
+  return (fs::path(file).parent_path() / path).lexically_normal().string();
+}
+
+/// What may be written for a catalog entry beside its name and mesh.
+void readProperties(const YamlValue& entry, const Job& job, CatalogItem& item) {
+  const YamlValue* unit = entry.find("unit");
+  const YamlValue* scale = entry.find("scale");
+  if (unit != nullptr && scale != nullptr) scale->fail("is given beside unit, want one of them");
+  if (unit != nullptr) {
+    static const std::map<std::string, double> kUnits = {{"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}};
+    const auto known = kUnits.find(unit->text());
+    if (known == kUnits.end()) unit->refuse("m, cm, mm or in");
+    item.unit = {known->second, true, known->first};
+  }
+  if (scale != nullptr) item.unit = {scale->positiveNumber(), true, "scale " + scale->text()};
+  item.friction = job.friction;
+  if (const YamlValue* friction = entry.find("friction")) item.friction = friction->positiveNumber();
+  if (const YamlValue* mass = entry.find("mass")) item.mass = mass->positiveNumber();
+}
+
+std::string nameFor(const std::string& pattern, const fs::path& mesh, const YamlValue& where) {
+  std::string name = pattern;
+  const auto replace = [&](const std::string& token, const std::string& value) {
+    for (std::size_t at = name.find(token); at != std::string::npos; at = name.find(token, at + value.size())) {
+      name.replace(at, token.size(), value);
+    }
+  };
+  replace("{stem}", mesh.stem().string());
+  replace("{parent}", mesh.parent_path().filename().string());
+  requireName(name, where.where(), fmt::format("the name of {}", mesh.string()));
+  return name;
+}
+
+void readFolder(const YamlValue& entry, const Job& job, std::vector<CatalogItem>& catalog) {
+  entry.allowKeys({"folder", "glob", "name", "unit", "scale", "friction", "mass"});
+  const fs::path folder = besides(job.path, entry.require("folder").text());
+  if (!fs::is_directory(folder))
+    entry.require("folder").refuse("an existing folder (looked for " + folder.string() + ")");
+  const std::string glob = entry.find("glob") == nullptr ? "*" : entry.require("glob").text();
+  const std::string pattern = entry.find("name") == nullptr ? "{stem}" : entry.require("name").text();
+  std::vector<fs::path> meshes;
+  for (const auto& file : fs::recursive_directory_iterator(folder)) {
+    if (file.is_regular_file() && matchesGlob(file.path().lexically_relative(folder).string(), glob)) {
+      meshes.push_back(file.path());
+    }
+  }
+  if (meshes.empty()) entry.fail(fmt::format("matches no file: glob \"{}\" in {}", glob, folder.string()));
+  std::sort(meshes.begin(), meshes.end());
+  for (const fs::path& mesh : meshes) {
+    CatalogItem& item = catalog.emplace_back();
+    item.name = nameFor(pattern, mesh, entry);
+    item.mesh = mesh.string();
+    item.where = entry.where();
+    readProperties(entry, job, item);
+  }
+}
+
+/// Commas separate; a field in double quotes may hold commas.
+std::vector<std::string> splitCsvLine(const std::string& line) {
+  std::vector<std::string> fields(1);
+  bool quoted = false;
+  for (const char c : line) {
+    if (c == '"') {
+      quoted = !quoted;
+    } else if (c == ',' && !quoted) {
+      fields.emplace_back();
+    } else if (c != '\r') {
+      fields.back() += c;
+    }
+  }
+  return fields;
+}
+
+/// A row becomes a small YAML map, so that values are checked by the same code; its line is the CSV's.
+void readCsv(const YamlValue& entry, const Job& job, std::vector<CatalogItem>& catalog) {
+  entry.allowKeys({"csv"});
+  const std::string path = besides(job.path, entry.require("csv").text());
+  std::istringstream lines(readFile(path));
+  std::string line;
+  std::vector<std::string> header;
+  for (int number = 1; std::getline(lines, line); ++number) {
+    const std::vector<std::string> fields = splitCsvLine(line);
+    if (line.empty() || (fields.size() == 1 && fields[0].empty())) continue;
+    if (header.empty()) {
+      header = fields;
+      continue;
+    }
+    if (fields.size() != header.size()) {
+      throw InputError(fmt::format("{}:{}: has {} fields, want {} as in the first line", path, number, fields.size(),
+                                   header.size()));
+    }
+    std::string text(static_cast<std::size_t>(number - 1), '\n');  // so that the parser counts the same line
+    for (std::size_t i = 0; i < header.size(); ++i) {
+      std::string quoted;
+      for (const char c : fields[i]) quoted += c == '\'' ? "''" : std::string(1, c);
+      if (!fields[i].empty())
+        text += fmt::format("{}'{}': '{}'", text.ends_with('\n') || text.empty() ? "{" : ", ", header[i], quoted);
+    }
+    const YamlValue row = YamlValue::parseText(text + "}", path);
+    row.allowKeys({"name", "mesh", "unit", "scale", "friction", "mass"});
+    CatalogItem& item = catalog.emplace_back();
+    item.name = row.require("name").text();
+    requireName(item.name, row.where(), "name");
+    item.mesh = besides(path, row.require("mesh").text());
+    item.where = row.where();
+    readProperties(row, job, item);
+  }
+  if (header.empty()) entry.require("csv").fail("leads to an empty file: " + path);
+}
+
+void readCatalogEntry(const YamlValue& entry, const Job& job, std::vector<CatalogItem>& catalog) {
+  if (entry.find("folder") != nullptr) return readFolder(entry, job, catalog);
+  if (entry.find("csv") != nullptr) return readCsv(entry, job, catalog);
+  entry.allowKeys({"name", "mesh", "unit", "scale", "friction", "mass"});
+  CatalogItem& item = catalog.emplace_back();
+  item.name = entry.require("name").text();
+  requireName(item.name, entry.where(), "name");
+  item.mesh = besides(job.path, entry.require("mesh").text());
+  item.where = entry.where();
+  readProperties(entry, job, item);
+}
+
+void refuseRepeatedNames(const std::vector<CatalogItem>& sorted) {
+  for (std::size_t i = 1; i < sorted.size(); ++i) {
+    if (sorted[i].name != sorted[i - 1].name) continue;
+    throw InputError(fmt::format("{}: the object name \"{}\" is already taken by {} ({}), want every name once",
+                                 sorted[i].where, sorted[i].name, sorted[i - 1].mesh, sorted[i - 1].where));
+  }
+}
+
+void readSampling(const YamlValue& sampling, Job& job) {
+  sampling.allowKeys({"samples", "pitch", "rolls", "policy", "preshapes"});
+  const YamlValue* samples = sampling.find("samples");
+  const YamlValue* pitch = sampling.find("pitch");
+  if ((samples == nullptr) == (pitch == nullptr))
+    sampling.fail("needs samples (a number) or pitch (metres), one of them");
+  if (samples != nullptr) job.samples = samples->integer(1, 10'000'000);
+  if (pitch != nullptr) job.pitch = pitch->positiveNumber();
+  if (const YamlValue* rolls = sampling.find("rolls")) job.rolls = rolls->integer(1, 10'000);
+  if (const YamlValue* preshapes = sampling.find("preshapes")) job.preshapes = preshapes->texts();
+  if (const YamlValue* policy = sampling.find("policy")) {
+    if (policy->text() == "center_of_mass") {
+      job.policy = PolicyKind::centerOfMass;
+      if (pitch != nullptr) pitch->fail("is given with policy center_of_mass, want samples: the number of directions");
+    } else if (policy->text() != "surface_normal") {
+      policy->refuse("surface_normal or center_of_mass");
+    }
+  }
+}
+
+void readQuality(const YamlValue& quality, Job& job) {
+  quality.allowKeys({"friction", "cone_edges"});
+  if (const YamlValue* friction = quality.find("friction")) job.friction = friction->positiveNumber();
+  if (const YamlValue* edges = quality.find("cone_edges")) job.coneEdges = edges->integer(3, 64);
+}
+
+void readKeep(const YamlValue& keep, Job& job) {
+  keep.allowKeys({"top", "diverse"});
+  job.keepTop = keep.require("top").integer(1, 1'000'000'000);
+  if (const YamlValue* diverse = keep.find("diverse")) job.keepDiverse = diverse->boolean();
+}
+
+}  // namespace
+
+Job loadJob(const std::string& path) {
+  Job job;
+  job.path = path;
+  job.text = readFile(path);
+  const YamlValue top = YamlValue::parseText(job.text, path);
+  top.allowKeys({"catalog", "hands", "sampling", "quality", "keep", "distance_map", "seed"});
+  if (const YamlValue* quality = top.find("quality")) readQuality(*quality, job);
+  readSampling(top.require("sampling"), job);
+  if (const YamlValue* keep = top.find("keep")) readKeep(*keep, job);
+  if (const YamlValue* map = top.find("distance_map")) {
+    map->allowKeys({"neighbors"});
+    job.mapNeighbors = map->require("neighbors").integer(1, 64);
+  }
+  if (const YamlValue* seed = top.find("seed")) job.seed = seed->integer(0, 2'000'000'000);
+  for (const YamlValue& entry : top.require("catalog").items()) readCatalogEntry(entry, job, job.catalog);
+  if (job.catalog.empty()) top.require("catalog").refuse("at least one object");
+  std::stable_sort(job.catalog.begin(), job.catalog.end(),
+                   [](const auto& a, const auto& b) { return a.name < b.name; });
+  refuseRepeatedNames(job.catalog);
+  for (const std::string& hand : top.require("hands").texts()) job.handPaths.push_back(besides(path, hand));
+  if (job.handPaths.empty()) top.require("hands").refuse("at least one hand");
+  return job;
+}
+
+std::vector<Hand> loadHands(const Job& job, const PackagePaths& packages) {
+  std::vector<Hand> hands;
+  for (const std::string& path : job.handPaths) {
+    Hand& hand = hands.emplace_back(loadHand(path, packages));
+    if (job.preshapes.empty()) continue;
+    std::vector<Preshape> chosen;
+    for (const std::string& name : job.preshapes) {
+      const auto it =
+          std::find_if(hand.preshapes.begin(), hand.preshapes.end(), [&](const auto& p) { return p.name == name; });
+      if (it != hand.preshapes.end()) chosen.push_back(*it);
+    }
+    if (chosen.empty()) {
+      throw InputError(fmt::format("{}: sampling.preshapes names none of {}'s preshapes: {}", job.path, hand.name,
+                                   fmt::join(job.preshapes, ", ")));
+    }
+    hand.preshapes = chosen;
+  }
+  std::sort(hands.begin(), hands.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  for (std::size_t i = 1; i < hands.size(); ++i) {
+    if (hands[i].name == hands[i - 1].name) {
+      throw InputError(fmt::format("{}: two hands are called {} (after their folders), want every name once", job.path,
+                                   hands[i].name));
+    }
+  }
+  // A chosen preshape that no hand has is a typing error.
+  for (const std::string& name : job.preshapes) {
+    const bool known = std::any_of(hands.begin(), hands.end(), [&](const Hand& hand) {
+      return std::any_of(hand.preshapes.begin(), hand.preshapes.end(), [&](const auto& p) { return p.name == name; });
+    });
+    if (!known)
+      throw InputError(
+          fmt::format("{}: sampling.preshapes has \"{}\", which no hand of the job knows", job.path, name));
+  }
+  return hands;
+}
+
+}  // namespace handhold

@@ -1,0 +1,48 @@
+#pragma once
+
+#include "hand/hand.h"
+#include "mesh/object.h"
+#include "simulate/grasp_policy.h"
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace handhold {
+
+/// One object of the catalog.
+struct CatalogItem {
+  std::string name;
+  std::string mesh;  // path
+  MeshUnit unit;
+  double friction = 0.4;
+  std::optional<double> mass;  // kg
+  std::string where;           // FILE:LINE
+};
+
+/// What a job file says (contract in the README). Paths are made relative to the working folder.
+struct Job {
+  std::string path, text;
+  std::vector<CatalogItem> catalog;  // by name
+  std::vector<std::string> handPaths;
+  std::vector<std::string> preshapes;  // empty: all
+  PolicyKind policy = PolicyKind::surfaceNormal;
+  std::size_t samples = 0;  // wanted N; 0 when the pitch is given
+  double pitch = 0;         // m
+  int rolls = 16;
+  double friction = 0.4;
+  int coneEdges = 8;
+  int mapNeighbors = 8;
+  std::size_t keepTop = 0;  // 0: all
+  bool keepDiverse = false;
+  std::uint64_t seed = 1;
+};
+
+/// @throws InputError  FILE:LINE: KEY ..., for every unknown key, wrong value, repeated name or missing folder
+Job loadJob(const std::string& path);
+
+/// The hands of a job, by name, with the job's choice of preshapes. @throws InputError
+std::vector<Hand> loadHands(const Job& job, const PackagePaths& packages = {});
+
+}  // namespace handhold

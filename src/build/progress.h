@@ -1,0 +1,47 @@
+#pragma once
+
+#include "build/build_set.h"
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <string>
+#include <thread>
+
+namespace handhold {
+
+enum class ProgressMode { automatic, plain, json, none };
+
+/// Tells on stderr how far a build is: a line that is rewritten on a terminal, else a line every ten seconds (plain) or
+/// every second as JSON. A thread of its own sleeps in between.
+class Progress {
+ public:
+  Progress(ProgressMode mode, std::size_t sets, std::size_t expectedTrials);
+  ~Progress();
+
+  /// Names what is being built; `finishedSets` are behind us, `skippedTrials` will not be run at all.
+  void begin(const std::string& what, std::size_t finishedSets);
+  void skipTrials(std::size_t trials) { expectedTrials_ -= std::min(trials, expectedTrials_.load()); }
+  BuildCounters& counters() { return counters_; }
+
+ private:
+  void watch();
+  std::string line() const;
+  std::string json() const;
+
+  ProgressMode mode_;
+  std::size_t sets_;
+  std::atomic<std::size_t> expectedTrials_;
+  BuildCounters counters_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+
+  mutable std::mutex mutex_;  // guards what_, finishedSets_ and done_
+  std::condition_variable wake_;
+  std::string what_;
+  std::size_t finishedSets_ = 0;
+  bool done_ = false;
+  std::thread watcher_;
+};
+
+}  // namespace handhold

@@ -1,0 +1,223 @@
+#!/usr/bin/env python3
+"""The programs as a person uses them: output, files, exit codes, refusals, Ctrl-C. Usage: programs_test.py HANDHOLD"""
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+HANDHOLD = pathlib.Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else SOURCE / "build/release/bin/handhold"
+
+
+def run(*arguments, **options):
+    """The finished program with its text."""
+    environment = {key: value for key, value in os.environ.items() if key != "HANDHOLD_DB"}
+    environment.update(options.pop("env", {}))
+    return subprocess.run([HANDHOLD, *map(str, arguments)], capture_output=True, text=True, timeout=120,
+                          env=environment, **options)
+
+
+class Programs(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="handhold_app_"))
+        self.addCleanup(shutil.rmtree, self.folder)
+        self.db = self.folder / "db"
+
+    def job(self, objects=("box.stl",), hand="jaw", sampling="{samples: 12, rolls: 3}", extra="", name="job.yaml"):
+        lines = [f"  - {{name: {pathlib.Path(o).stem}, mesh: {SOURCE / 'meshes' / o}, unit: m}}" for o in objects]
+        path = self.folder / name
+        path.write_text("catalog:\n" + "\n".join(lines) + f"\nhands: [{SOURCE}/hands/{hand}]\nsampling: {sampling}\n{extra}")
+        return path
+
+    def build(self, *arguments, **job):
+        return run("build", self.job(**job), "--db", self.db, "--progress", "none", *arguments)
+
+    def assert_refused(self, result, *parts):
+        """Wrong input: exit 2, nothing on stdout, one line on stderr that names what is wrong."""
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertEqual(result.stdout, "")
+        self.assertEqual(len(result.stderr.strip().splitlines()), 1, result.stderr)
+        for part in parts:
+            self.assertIn(part, result.stderr)
+
+    # --- what works
+
+    def test_help_and_version(self):
+        for arguments in (["--help"], ["build", "--help"], ["list", "--help"], ["info", "--help"], ["hand", "--help"]):
+            result = run(*arguments)
+            self.assertEqual(result.returncode, 0)
+            self.assertIn("--help", result.stdout)
+        self.assertRegex(run("--version").stdout, r"^handhold \d+\.\d+\.\d+ \(.+\)")
+
+    def test_build_list_info(self):
+        result = self.build(objects=("box.stl", "t_bar.ply"))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("2 sets built, 0 unchanged, 0 failed", result.stdout)
+        for word in ("object", "hand", "N", "R", "M", "trials", "force_closed %", "grasps", "best eps", "core s"):
+            self.assertIn(word, result.stdout.splitlines()[0])
+        again = self.build(objects=("box.stl", "t_bar.ply"))
+        self.assertIn("0 sets built, 2 unchanged, 0 failed", again.stdout)
+
+        listed = json.loads(run("list", "--db", self.db, "--format", "json").stdout)
+        self.assertEqual([(s["object"], s["hand"], s["set_version"]) for s in listed], [("box", "jaw", 1), ("t_bar", "jaw", 1)])
+        table = run("list", env={"HANDHOLD_DB": str(self.db)}).stdout
+        self.assertIn("t_bar", table)
+        info = json.loads(run("info", self.db / "t_bar/jaw/v0001.h5", "--format", "json").stdout)
+        for key in ("object", "hand", "set_version", "samples", "rolls", "preshapes", "trials", "outcomes", "grasps",
+                    "best_epsilon", "seconds"):
+            self.assertIn(key, info)
+        self.assertEqual(info["trials"], info["samples"] * info["rolls"] * info["preshapes"])
+        self.assertEqual(sum(info["outcomes"].values()), info["trials"])
+        self.assertEqual(info["outcomes"]["force_closed"], info["grasps"])
+        self.assertIn("force_closed", run("info", self.db / "t_bar").stdout)
+
+    def test_format_of_built_sets(self):
+        self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
+        self.assertEqual(self.build(objects=("can.ply",), sampling="{samples: 1, rolls: 1}").returncode, 0)  # no grasp
+        files = sorted(self.db.rglob("v*.h5"))
+        check = subprocess.run(["/usr/bin/python3", SOURCE / "tests/store/check_format.py", *files], capture_output=True, text=True)
+        self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
+
+    def test_trial_is_explained_and_nothing_written(self):
+        self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
+        shutil.move(self.db, self.folder / "built")
+        from_set = self.first_closed_trial(self.folder / "built/t_bar/jaw/v0001.h5")
+        result = self.build("--object", "t_bar", "--hand", "jaw", "--trial", from_set["trial"], objects=("t_bar.ply",))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("outcome force_closed", result.stdout)
+        self.assertIn(f"epsilon {from_set['epsilon']:.6f}", result.stdout)
+        self.assertIn("backed off by", result.stdout)
+        self.assertFalse(self.db.exists())
+        beyond = self.build("--object", "t_bar", "--hand", "jaw", "--trial", 10**6, objects=("t_bar.ply",))
+        self.assert_refused(beyond, "--trial 1000000", "want 0 to")
+
+    def first_closed_trial(self, path):
+        code = ("import h5py, sys, json; f = h5py.File(sys.argv[1]); _, r, m = f['trials/outcome'].shape; "
+                "t = f['grasps/trial'][0]; "
+                "print(json.dumps({'trial': int((t[0] * r + t[1]) * m + t[2]), 'epsilon': float(f['grasps/epsilon'][0])}))")
+        return json.loads(subprocess.run(["/usr/bin/python3", "-c", code, path], capture_output=True, text=True, check=True).stdout)
+
+    def test_thread_count_changes_nothing(self):
+        for threads in (1, 2):
+            self.assertEqual(run("build", self.job(objects=("t_bar.ply",)), "--db", self.folder / f"db{threads}", "--threads", threads,
+                                 "--progress", "none").returncode, 0)
+        code = ("import h5py, sys, numpy as np\na, b = (h5py.File(p) for p in sys.argv[1:])\nnames = []\n"
+                "a.visititems(lambda n, o: names.append(n) if isinstance(o, h5py.Dataset) and not n.startswith('timings') else None)\n"
+                "assert len(names) > 30\n"
+                "for n in names:\n"
+                "  x, y = a[n][()], b[n][()]\n"
+                "  assert np.array_equal(x, y, equal_nan=x.dtype.kind == 'f') if hasattr(x, 'dtype') else x == y, n\n")
+        check = subprocess.run(["/usr/bin/python3", "-c", code, *(self.folder / f"db{t}/t_bar/jaw/v0001.h5" for t in (1, 2))],
+                               capture_output=True, text=True)
+        self.assertEqual(check.returncode, 0, check.stderr)
+
+    def test_dry_run_writes_nothing(self):
+        result = self.build("--dry-run")
+        self.assertEqual(result.returncode, 0)
+        self.assertIn("1 sets missing", result.stdout)
+        self.assertIn("core-hours", result.stdout)
+        self.assertFalse(self.db.exists())
+
+    def test_progress_as_json_lines(self):
+        result = run("build", self.job(hand="barrett", sampling="{samples: 100, rolls: 8}"), "--db", self.db, "--progress", "json")
+        events = [json.loads(line) for line in result.stderr.splitlines() if line.startswith("{")]
+        self.assertTrue(events)
+        self.assertEqual(events[0]["event"], "progress")
+        self.assertLessEqual(events[-1]["trials"], events[-1]["trials_expected"])
+
+    def test_render(self):
+        self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
+        picture = self.folder / "grasp.png"
+        result = run("render", self.db / "t_bar/jaw/v0001.h5", "--out", picture)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(picture.read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
+        self.assert_refused(run("render", f"{self.db / 't_bar/jaw/v0001.h5'}:100000", "--out", picture), "100000")
+
+    def test_hand_is_checked(self):
+        for hand in ("barrett", "hrp2", "jaw"):
+            result = run("hand", SOURCE / "hands" / hand)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            for word in ("joints:", "palm in link", "closed on nothing", "closed on a sphere", "the hand is ready"):
+                self.assertIn(word, result.stdout)
+        template = run("hand", SOURCE / "hands/jaw/jaw.urdf", "--init")
+        self.assertIn("urdf: jaw.urdf", template.stdout)
+        folder = self.folder / "mine"
+        folder.mkdir()
+        shutil.copy(SOURCE / "hands/jaw/jaw.urdf", folder)
+        (folder / "hand.yaml").write_text(template.stdout)
+        self.assertEqual(run("hand", folder).returncode, 0)
+
+    # --- what fails, and how
+
+    def test_one_bad_object_builds_the_others(self):
+        job = self.job(objects=("box.stl",))
+        (self.folder / "bad.stl").write_bytes(b"\0" * 90)
+        job.write_text(job.read_text().replace("catalog:\n", "catalog:\n  - {name: bad, mesh: bad.stl, unit: m}\n"))
+        result = run("build", job, "--db", self.db, "--progress", "none")
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("1 sets built, 0 unchanged, 1 failed", result.stdout)
+        self.assertIn("repeat with: handhold build", result.stdout)
+        self.assertEqual([f["object"] for f in json.loads((self.db / "failed.json").read_text())], ["bad"])
+        self.assertTrue((self.db / "box/jaw/v0001.h5").exists())
+
+    def test_wrong_usage(self):
+        self.assert_refused(run(), "subcommand")
+        self.assert_refused(run("bild"), "bild")
+        self.assert_refused(run("build"), "job")
+        self.assert_refused(run("build", self.folder / "missing.yaml"), "missing.yaml: cannot be read")
+        self.assert_refused(self.build("--threads", "0"), "--threads")
+        self.assert_refused(self.build("--shard", "3/3"), "--shard is \"3/3\"")
+        self.assert_refused(self.build("--object", "nothing"), "picks no set")
+        self.assert_refused(self.build("--trial", "1", objects=("box.stl", "can.ply")), "pick one of each")
+        self.assert_refused(self.build(extra="colour: red\n"), "job.yaml:5: colour is not a known key")
+        self.assert_refused(self.build(hand="nowhere"), "nowhere")
+        self.assert_refused(run("info", self.folder / "none.h5"), "none.h5")
+        self.assert_refused(run("info", self.folder), "holds no grasp set")
+        self.assert_refused(run("list", "--db", self.folder / "none"), "none: is no folder")
+        self.assert_refused(run("render", self.folder / "none.h5", "--out", self.folder / "x.png"), "none.h5")
+        self.assertFalse(self.db.exists())
+
+    def test_hands_are_refused_in_words(self):
+        xacro = self.folder / "hand.urdf.xacro"
+        xacro.write_text("<robot xmlns:xacro='http://www.ros.org/wiki/xacro' name='x'/>")
+        self.assert_refused(run("hand", xacro), "is a xacro file", "xacro hand.urdf.xacro > hand.urdf")
+        self.assert_refused(run("hand", SOURCE / "hands/jaw/jaw.urdf"), "--init")
+        self.assert_refused(run("hand", self.folder / "none"), "none", "does not exist")
+
+    def test_damaged_set_is_told(self):
+        self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
+        path = self.db / "t_bar/jaw/v0001.h5"
+        data = bytearray(path.read_bytes())
+        data[len(data) // 2] ^= 1
+        path.unlink()
+        path.write_bytes(data)
+        self.assert_refused(run("info", path), "v0001.h5")
+        listed = run("list", "--db", self.db)
+        self.assertEqual(listed.returncode, 1)
+        self.assertIn("v0001.h5", listed.stderr)
+
+    def test_interrupt_stops_within_a_second_and_keeps_finished_sets(self):
+        job = self.job(objects=("box.stl", "t_bar.ply"), hand="barrett", sampling="{samples: 3000, rolls: 16}")
+        quick = self.job(objects=("box.stl",), sampling="{samples: 4, rolls: 2}", name="quick.yaml")
+        self.assertEqual(run("build", quick, "--db", self.db, "--progress", "none").returncode, 0)
+        before = sorted(self.db.rglob("*"))
+        process = subprocess.Popen([HANDHOLD, "build", job, "--db", self.db], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        time.sleep(2)
+        start = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=30)
+        self.assertLess(time.monotonic() - start, 1.0 if "asan" not in str(HANDHOLD) else 10.0)
+        self.assertEqual(process.returncode, 1, errors)
+        self.assertIn("2 stopped before they were done", output)
+        self.assertEqual(sorted(self.db.rglob("*")), before)
+
+
+if __name__ == "__main__":
+    print(f"testing {HANDHOLD}")
+    unittest.main(argv=sys.argv[:1])

@@ -1,0 +1,210 @@
+// Whole builds of small jobs: equal sets for any thread count, versions, failures, cancelling.
+#include "build/build_job.h"
+#include "build/build_set.h"
+#include "build/keep.h"
+#include "core/error.h"
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace handhold {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+class Build : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(::testing::TempDir()) /
+              (std::string("build_") + ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  Job job(const std::string& catalog, const std::string& hands = "jaw", const std::string& more = "") const {
+    const std::string source = HANDHOLD_SOURCE_DIR;
+    std::ofstream(folder_ / "job.yaml") << "catalog:\n"
+                                        << catalog << "hands: [" << source << "/hands/" << hands << "]\n"
+                                        << "sampling: {samples: 12, rolls: 3" << more
+                                        << "}\nquality: {friction: 0.5}\n";
+    return loadJob((folder_ / "job.yaml").string());
+  }
+
+  static std::string entry(const std::string& name, const std::string& file) {
+    return "  - {name: " + name + ", mesh: " HANDHOLD_SOURCE_DIR "/meshes/" + file + ", unit: m}\n";
+  }
+
+  std::vector<SetReport> build(const Job& job, const std::string& database, int threads, bool force = false) const {
+    BuildOptions options;
+    options.threads = threads;
+    options.force = force;
+    options.progress = ProgressMode::none;
+    return buildJob(job, loadHands(job), Database(folder_ / database), options, never_);
+  }
+
+  fs::path folder_;
+  const std::atomic<bool> never_{false};
+};
+
+TEST_F(Build, IsEqualForOneAndManyThreads) {
+  const Job barrett = job(entry("t_bar", "t_bar.ply"), "barrett");
+  const auto one = build(barrett, "one", 1), three = build(barrett, "three", 3);
+  const GraspSet a = readGraspSet(one[0].summary.path), b = readGraspSet(three[0].summary.path);
+  EXPECT_EQ(firstDifference(a, b), "");
+  EXPECT_EQ(a.trialCount(), 12U * 3 * a.preshapes);
+  EXPECT_GT(a.graspCount(), 0U);
+}
+
+TEST_F(Build, EveryTrialHasAnOutcomeAndTheTableAgrees) {
+  const auto reports = build(job(entry("box", "box.stl"), "barrett"), "db", 2);
+  const GraspSet set = readGraspSet(reports[0].summary.path);
+  std::size_t closed = 0;
+  for (std::size_t i = 0; i < set.trialCount(); ++i) {
+    const auto outcome = static_cast<GraspOutcome>(set.outcome[i]);
+    EXPECT_NE(outcome, GraspOutcome::notRun);
+    EXPECT_NE(outcome, GraspOutcome::solveFailed);
+    const bool positive = outcome == GraspOutcome::forceClosed || outcome == GraspOutcome::selfCollision;
+    EXPECT_EQ(set.trialEpsilon[i] > 0, positive);
+    closed += outcome == GraspOutcome::forceClosed ? 1 : 0;
+  }
+  EXPECT_EQ(closed, set.graspCount());
+  for (std::size_t i = 0; i < set.graspCount(); ++i) {
+    const std::size_t trial =
+        (set.trial[3 * i] * set.rolls + set.trial[3 * i + 1]) * set.preshapes + set.trial[3 * i + 2];
+    EXPECT_EQ(set.trialEpsilon[trial], static_cast<float>(set.epsilon[i]));
+    EXPECT_EQ(set.outcome[trial], static_cast<std::uint8_t>(GraspOutcome::forceClosed));
+    for (int axis = 0; axis < 3; ++axis) {  // the contract: the approach direction is the negative normal
+      EXPECT_EQ(set.approachDirection[3 * i + axis], -set.sampleNormal[3 * set.trial[3 * i] + axis]);
+      EXPECT_EQ(set.targetPoint[3 * i + axis], set.samplePoint[3 * set.trial[3 * i] + axis]);
+    }
+  }
+}
+
+// What a set records is enough to compute each of its grasps again.
+TEST_F(Build, GraspsAreRecomputedFromTheirRecord) {
+  const Job mug = job(entry("mug", "mug.obj"), "barrett");
+  const GraspSet set = readGraspSet(build(mug, "db", 2)[0].summary.path);
+  ASSERT_GT(set.graspCount(), 3U);
+  for (std::size_t i = 0; i < set.graspCount(); i += 3) {
+    std::vector<Contact> contacts;
+    for (std::size_t c = set.contactBegin[i]; c < set.contactBegin[i + 1]; ++c) {
+      const auto vector = [&](const std::vector<float>& v) {
+        return Eigen::Vector3d(v[3 * c], v[3 * c + 1], v[3 * c + 2]);
+      };
+      contacts.push_back({vector(set.contactPosition), vector(set.contactNormal), set.contactLink[c]});
+    }
+    const WrenchMatrix wrenches =
+        frictionConeWrenches(contacts, {set.centerOfMass, set.torqueScale, set.friction, set.coneEdges});
+    EXPECT_EQ(epsilonMetric(wrenches, testForceClosure(wrenches)), set.epsilon[i]);
+  }
+}
+
+TEST_F(Build, UnchangedInputsWriteNothingChangedOnesTheNextVersion) {
+  const Job first = job(entry("box", "box.stl"));
+  EXPECT_EQ(build(first, "db", 2)[0].state, SetReport::State::built);
+  EXPECT_EQ(build(first, "db", 2)[0].state, SetReport::State::unchanged);
+  EXPECT_EQ(Database(folder_ / "db").newestVersion("box", "jaw"), 1);
+  const auto changed = build(job(entry("box", "box.stl"), "jaw", ", preshapes: [open_80]"), "db", 2);
+  EXPECT_EQ(changed[0].state, SetReport::State::built);
+  EXPECT_EQ(changed[0].summary.setVersion, 2);
+  EXPECT_EQ(build(first, "db", 2, true)[0].summary.setVersion, 3);  // --force
+}
+
+TEST_F(Build, OneBadObjectDoesNotStopTheOthers) {
+  std::ofstream(folder_ / "bad.stl") << "";
+  const Job mixed = job("  - {name: bad, mesh: " + (folder_ / "bad.stl").string() + ", unit: m}\n" +
+                        entry("box", "box.stl") + "  - {name: gone, mesh: nowhere.obj, unit: m}\n");
+  const auto reports = build(mixed, "db", 2);
+  ASSERT_EQ(reports.size(), 3U);
+  EXPECT_EQ(reports[0].state, SetReport::State::failed);
+  EXPECT_THAT(reports[0].error, HasSubstr("bad.stl"));
+  EXPECT_THAT(reports[0].command, HasSubstr("--object bad --hand jaw"));
+  EXPECT_EQ(reports[1].state, SetReport::State::built);
+  EXPECT_EQ(reports[2].state, SetReport::State::failed);
+  std::ifstream record(folder_ / "db" / "failed.json");
+  const std::string text((std::istreambuf_iterator<char>(record)), {});
+  EXPECT_THAT(text, HasSubstr("\"object\": \"bad\""));
+  EXPECT_THAT(text, HasSubstr("\"object\": \"gone\""));
+}
+
+TEST_F(Build, ShardsDealEverySetOutOnce) {
+  const Job all = job(entry("box", "box.stl") + entry("can", "can.ply") + entry("tube", "tube.obj"));
+  const std::vector<Hand> hands = loadHands(all);
+  std::size_t sets = 0;
+  for (std::size_t shard = 0; shard < 3; ++shard) {
+    BuildOptions options;
+    options.shard = shard;
+    options.shards = 3;
+    sets += planJob(all, hands, Database(folder_ / "db"), options).size();
+  }
+  EXPECT_EQ(sets, 3U);
+}
+
+TEST_F(Build, CancelLeavesNoTrace) {
+  const Job one = job(entry("box", "box.stl"));
+  std::atomic<bool> cancel{true};
+  BuildOptions options;
+  options.progress = ProgressMode::none;
+  const auto reports = buildJob(one, loadHands(one), Database(folder_ / "db"), options, cancel);
+  ASSERT_EQ(reports.size(), 1U);
+  EXPECT_EQ(reports[0].state, SetReport::State::stopped);
+  EXPECT_FALSE(fs::exists(folder_ / "db" / "box"));
+}
+
+// The paper's claim: facing the surface normal gives more force-closed grasps than approaching the centre.
+TEST_F(Build, CenterOfMassPolicyBuildsASet) {
+  const auto reports = build(job(entry("t_bar", "t_bar.ply"), "barrett", ", policy: center_of_mass"), "db", 2);
+  ASSERT_EQ(reports[0].state, SetReport::State::built);
+  const GraspSet set = readGraspSet(reports[0].summary.path);
+  EXPECT_EQ(set.policy, "center_of_mass");
+  EXPECT_EQ(set.samples, 12U);
+  for (std::size_t i = 0; i < set.graspCount(); ++i) {  // the approach leads through the centre of mass
+    const Eigen::Vector3d p(set.targetPoint[3 * i], set.targetPoint[3 * i + 1], set.targetPoint[3 * i + 2]);
+    const Eigen::Vector3d d(set.approachDirection[3 * i], set.approachDirection[3 * i + 1],
+                            set.approachDirection[3 * i + 2]);
+    EXPECT_LT((set.centerOfMass - p).cross(d).norm(), 1e-6);
+  }
+}
+
+std::vector<KeptGrasp> someGrasps() {
+  std::vector<KeptGrasp> grasps;
+  for (int i = 0; i < 30; ++i) {
+    KeptGrasp grasp;
+    grasp.trial = static_cast<std::size_t>(i);
+    grasp.epsilon = 1 - 0.01 * i;
+    grasp.X_OH =
+        Eigen::Isometry3d(Eigen::Translation3d(i < 25 ? 0.001 * i : 1.0 * i, 0, 0));  // a cluster and five far away
+    grasps.push_back(grasp);
+  }
+  return grasps;
+}
+
+TEST(KeepGrasps, TopKeepsTheBest) {
+  std::vector<KeptGrasp> grasps = someGrasps();
+  keepGrasps(grasps, 5, false, 0.1);
+  ASSERT_EQ(grasps.size(), 5U);
+  EXPECT_EQ(grasps.back().trial, 4U);
+}
+
+TEST(KeepGrasps, DiverseKeepsTheBestAndThoseFarApartInOrder) {
+  std::vector<KeptGrasp> grasps = someGrasps();
+  keepGrasps(grasps, 6, true, 0.1);
+  ASSERT_EQ(grasps.size(), 6U);
+  EXPECT_EQ(grasps[0].trial, 0U);
+  for (std::size_t i = 1; i < 6; ++i) EXPECT_EQ(grasps[i].trial, 24 + i);
+}
+
+TEST(KeepGrasps, ZeroKeepsAll) {
+  std::vector<KeptGrasp> grasps = someGrasps();
+  keepGrasps(grasps, 0, true, 0.1);
+  EXPECT_EQ(grasps.size(), 30U);
+}
+
+}  // namespace
+}  // namespace handhold

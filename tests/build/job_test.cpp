@@ -1,0 +1,199 @@
+// What a job file may say, and one test for each thing that it may not.
+#include "build/job.h"
+
+#include "core/error.h"
+
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace handhold {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class JobFile : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(::testing::TempDir()) / ::testing::UnitTest::GetInstance()->current_test_info()->name();
+    fs::remove_all(folder_);
+    fs::create_directories(folder_ / "meshes" / "cup");
+    for (const char* name : {"meshes/a.obj", "meshes/b.ply", "meshes/cup/model.ply"}) write(name, "x");
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::string write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name) << text;
+    return (folder_ / name).string();
+  }
+
+  /// A complete job with `catalog` as the entries and `rest` after it.
+  Job load(const std::string& catalog, const std::string& rest = "sampling: {samples: 10}\n") const {
+    return loadJob(write("job.yaml", "catalog:\n" + catalog + "hands: [hand]\n" + rest));
+  }
+
+  /// The message of the refusal.
+  std::string refusal(const std::string& catalog, const std::string& rest = "sampling: {samples: 10}\n") const {
+    try {
+      load(catalog, rest);
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), Not(HasSubstr("\n")));
+      return error.what();
+    }
+    return "(accepted)";
+  }
+
+  fs::path folder_;
+  const std::string good_ = "  - {name: a, mesh: meshes/a.obj, unit: m}\n";
+};
+
+TEST_F(JobFile, DefaultsAreThoseOfTheContract) {
+  const Job job = load(good_);
+  EXPECT_EQ(job.samples, 10U);
+  EXPECT_EQ(job.rolls, 16);
+  EXPECT_EQ(job.policy, PolicyKind::surfaceNormal);
+  EXPECT_EQ(job.friction, 0.4);
+  EXPECT_EQ(job.coneEdges, 8);
+  EXPECT_EQ(job.keepTop, 0U);
+  EXPECT_EQ(job.seed, 1U);
+  ASSERT_EQ(job.catalog.size(), 1U);
+  EXPECT_EQ(job.catalog[0].mesh, (folder_ / "meshes/a.obj").string());
+  EXPECT_EQ(job.handPaths[0], (folder_ / "hand").string());
+}
+
+TEST_F(JobFile, UnitsBecomeScales) {
+  for (const auto& [unit, scale] : {std::pair{"m", 1.0}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}}) {
+    const Job job = load(std::string("  - {name: a, mesh: a.obj, unit: ") + unit + "}\n");
+    EXPECT_EQ(job.catalog[0].unit.scale, scale);
+    EXPECT_TRUE(job.catalog[0].unit.written);
+  }
+  EXPECT_EQ(load("  - {name: a, mesh: a.obj, scale: 0.5}\n").catalog[0].unit.scale, 0.5);
+  EXPECT_FALSE(load("  - {name: a, mesh: a.obj}\n").catalog[0].unit.written);
+}
+
+TEST_F(JobFile, FolderEntriesTakeTheirNamesFromFiles) {
+  const Job stems = load("  - {folder: meshes, glob: \"*.*\", unit: m, friction: 0.3}\n");
+  ASSERT_EQ(stems.catalog.size(), 2U);
+  EXPECT_EQ(stems.catalog[0].name, "a");
+  EXPECT_EQ(stems.catalog[1].name, "b");
+  EXPECT_EQ(stems.catalog[1].friction, 0.3);
+  const Job parents = load("  - {folder: meshes, glob: \"*/*.ply\", name: \"{parent}\", unit: m}\n");
+  ASSERT_EQ(parents.catalog.size(), 1U);
+  EXPECT_EQ(parents.catalog[0].name, "cup");
+}
+
+TEST_F(JobFile, CsvEntriesAreRows) {
+  write("items.csv", "name,mesh,unit,mass\n\"a\",\"meshes/a.obj\",mm,0.25\nb,meshes/b.ply,,\n");
+  const Job job = load("  - {csv: items.csv}\n");
+  ASSERT_EQ(job.catalog.size(), 2U);
+  EXPECT_EQ(job.catalog[0].unit.scale, 0.001);
+  EXPECT_EQ(job.catalog[0].mass, 0.25);
+  EXPECT_FALSE(job.catalog[1].unit.written);
+  EXPECT_FALSE(job.catalog[1].mass.has_value());
+}
+
+TEST_F(JobFile, CsvRefusalsNameTheCsvLine) {
+  write("items.csv", "name,mesh,unit\na,meshes/a.obj,m\nb,meshes/b.ply,yards\n");
+  EXPECT_THAT(refusal("  - {csv: items.csv}\n"),
+              AllOf(HasSubstr("items.csv:3: unit is \"yards\", want m, cm, mm or in")));
+  write("items.csv", "name,mesh,unit\na,meshes/a.obj\n");
+  EXPECT_THAT(refusal("  - {csv: items.csv}\n"), HasSubstr("items.csv:2: has 2 fields, want 3"));
+  write("items.csv", "name,mesh,colour\na,meshes/a.obj,red\n");
+  EXPECT_THAT(refusal("  - {csv: items.csv}\n"), HasSubstr("items.csv:2: colour is not a known key"));
+}
+
+TEST_F(JobFile, RefusesUnknownKeysAnywhere) {
+  EXPECT_THAT(refusal(good_, "sampling: {samples: 10}\nsamplings: 3\n"),
+              HasSubstr("job.yaml:5: samplings is not a known key"));
+  EXPECT_THAT(refusal(good_, "sampling: {samples: 10, roll: 3}\n"),
+              HasSubstr("job.yaml:4: sampling.roll is not a known key"));
+  EXPECT_THAT(refusal("  - {name: a, mesh: a.obj, colour: red}\n"),
+              HasSubstr("job.yaml:2: catalog[0].colour is not a known key"));
+}
+
+TEST_F(JobFile, RefusesARepeatedKey) {
+  EXPECT_THAT(refusal(good_, "sampling: {samples: 10, samples: 11}\n"),
+              HasSubstr("job.yaml:4: sampling.samples is given twice"));
+}
+
+TEST_F(JobFile, RefusesANameTwice) {
+  EXPECT_THAT(refusal(good_ + "  - {name: a, mesh: meshes/b.ply, unit: m}\n"),
+              AllOf(HasSubstr("job.yaml:3: the object name \"a\" is already taken by"), HasSubstr("a.obj")));
+}
+
+TEST_F(JobFile, RefusesAnUnknownUnit) {
+  EXPECT_THAT(refusal("  - {name: a, mesh: a.obj, unit: ft}\n"),
+              HasSubstr("catalog[0].unit is \"ft\", want m, cm, mm or in"));
+}
+
+TEST_F(JobFile, RefusesUnitAndScaleTogether) {
+  EXPECT_THAT(refusal("  - {name: a, mesh: a.obj, unit: m, scale: 2}\n"), HasSubstr("scale is given beside unit"));
+}
+
+TEST_F(JobFile, RefusesNamesThatLeaveTheDatabase) {
+  for (const char* name : {"../x", "a/b", ".hidden", "\"\""}) {
+    EXPECT_THAT(refusal(std::string("  - {name: ") + name + ", mesh: a.obj}\n"), HasSubstr("job.yaml:2:")) << name;
+  }
+}
+
+TEST_F(JobFile, RefusesSamplingWithoutOrWithBothMeasures) {
+  EXPECT_THAT(refusal(good_, "sampling: {rolls: 4}\n"), HasSubstr("needs samples (a number) or pitch (metres)"));
+  EXPECT_THAT(refusal(good_, "sampling: {samples: 4, pitch: 0.01}\n"), HasSubstr("one of them"));
+  EXPECT_THAT(refusal(good_, "sampling: {pitch: -0.02}\n"),
+              HasSubstr("sampling.pitch is \"-0.02\", want a number > 0"));
+  EXPECT_THAT(refusal(good_, "sampling: {samples: 1.5}\n"),
+              HasSubstr("sampling.samples is \"1.5\", want a whole number"));
+  EXPECT_THAT(refusal(good_, ""), HasSubstr("has no key \"sampling\""));
+}
+
+TEST_F(JobFile, RefusesAnUnknownPolicy) {
+  EXPECT_THAT(refusal(good_, "sampling: {samples: 4, policy: random}\n"),
+              HasSubstr("want surface_normal or center_of_mass"));
+}
+
+TEST_F(JobFile, RefusesFoldersThatGiveNothing) {
+  EXPECT_THAT(refusal("  - {folder: nowhere}\n"),
+              HasSubstr("catalog[0].folder is \"nowhere\", want an existing folder"));
+  EXPECT_THAT(refusal("  - {folder: meshes, glob: \"*.stl\"}\n"), HasSubstr("matches no file"));
+}
+
+TEST_F(JobFile, RefusesBadQuality) {
+  EXPECT_THAT(refusal(good_, "sampling: {samples: 4}\nquality: {friction: 0}\n"),
+              HasSubstr("quality.friction is \"0\", want a number > 0"));
+  EXPECT_THAT(refusal(good_, "sampling: {samples: 4}\nquality: {cone_edges: 2}\n"),
+              HasSubstr("want a whole number from 3 to 64"));
+}
+
+TEST_F(JobFile, RefusesWhatIsNoYaml) {
+  EXPECT_THAT(refusal("  - {name: a\n"), HasSubstr("is no valid YAML"));
+  EXPECT_THROW(loadJob((folder_ / "missing.yaml").string()), InputError);
+}
+
+TEST_F(JobFile, RefusesAPreshapeThatNoHandHas) {
+  Job job = load(good_, "sampling: {samples: 4, preshapes: [open_80, tight]}\n");
+  job.handPaths = {HANDHOLD_SOURCE_DIR "/hands/jaw"};
+  try {
+    loadHands(job);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("sampling.preshapes has \"tight\""));
+  }
+  job.preshapes = {"open_80"};
+  EXPECT_EQ(loadHands(job)[0].preshapes.size(), 1U);
+}
+
+TEST(ShippedJobs, Load) {
+  for (const char* name : {"demo", "paper", "full"}) {
+    const Job job = loadJob(std::string(HANDHOLD_SOURCE_DIR "/jobs/") + name + ".yaml");
+    EXPECT_GE(job.catalog.size(), 3U);
+    for (const CatalogItem& item : job.catalog) EXPECT_TRUE(fs::exists(item.mesh)) << item.mesh;
+    EXPECT_GE(loadHands(job).size(), 2U);
+  }
+}
+
+}  // namespace
+}  // namespace handhold
