@@ -104,7 +104,8 @@ int runProgram(int argc, char** argv) {
     return app.exit(success);
   } catch (const CLI::ParseError& error) {
     if (app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-') {
-      logError(fmt::format("\"{}\" is no command, want build, list, info, hand or render (see handhold --help)", argv[1]));
+      logError(
+          fmt::format("\"{}\" is no command, want build, list, info, hand or render (see handhold --help)", argv[1]));
       return kExitWrongInput;
     }
     logError(fmt::format("{} (see handhold --help)", error.what()));

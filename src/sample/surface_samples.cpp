@@ -17,9 +17,10 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kMaxRays = 2e7;
-constexpr double kJitter = 0.05;        // of the pitch: moves rays off vertices without changing the density
-constexpr double kCountSlack = 1.02;    // a grid with at most 2 % more hits than wanted is good enough
-constexpr std::uint64_t kGridKey = 71;  // any fixed number: the grid does not depend on the job's seed
+constexpr double kJitter = 0.05;                  // of the pitch: moves rays off vertices without changing the density
+constexpr std::size_t kRaysWithoutHit = 100'000;  // towards the centre of mass, then the search ends
+constexpr double kCountSlack = 1.02;              // a grid with at most 2 % more hits than wanted is good enough
+constexpr std::uint64_t kGridKey = 71;            // any fixed number: the grid does not depend on the job's seed
 
 /// One of the six grids: rays along -+ `axis`, rows along `v`, columns along `u`.
 struct Grid {
@@ -74,13 +75,16 @@ void castGrid(const ObjectModel& object, const RayScene& scene, const Eigen::Ali
   const RandomStream stream = RandomStream(kGridKey).child(side);
   const double margin = 0.01 * box.diagonal().norm();
   const Vector3d center = box.center();
+  // Not off the edge of a plate that is thinner than the jitter.
+  const double jitterU = kJitter * std::min(1.0, box.sizes()[grid.u] / pitch);
+  const double jitterV = kJitter * std::min(1.0, box.sizes()[grid.v] / pitch);
   Vector3d direction = Vector3d::Zero();
   direction[grid.axis] = -grid.sign;
   for (int row = 0; row < grid.rows; ++row) {
     const RandomStream rowStream = stream.child(row);
     for (int column = 0; column < grid.columns; ++column) {
-      const double du = kJitter * (2 * rowStream.uniform(2 * column) - 1);
-      const double dv = kJitter * (2 * rowStream.uniform(2 * column + 1) - 1);
+      const double du = jitterU * (2 * rowStream.uniform(2 * column) - 1);
+      const double dv = jitterV * (2 * rowStream.uniform(2 * column + 1) - 1);
       Vector3d origin;
       origin[grid.axis] = grid.sign < 0 ? box.min()[grid.axis] - margin : box.max()[grid.axis] + margin;
       origin[grid.u] = center[grid.u] + (column + 0.5 + du - 0.5 * grid.columns) * pitch;
@@ -170,11 +174,11 @@ SurfaceSamples sampleSphere(const ObjectModel& object, const RayScene& scene, st
       thinOut(samples, count);
       return samples;
     }
+    if (samples.size() == 0 && lattice >= kRaysWithoutHit) break;
     const double hitShare = std::max(1e-3, static_cast<double>(samples.size()) / static_cast<double>(lattice));
     // At least half as many again, or a rarely hit object would be tried with the same lattice for ever.
     lattice =
         std::max(static_cast<std::size_t>(static_cast<double>(count) / hitShare * 1.1), lattice + lattice / 2) + 1;
-    if (samples.size() == 0) break;
   }
   throw InputError(
       fmt::format("{}: hardly any ray towards the centre of mass hits the object, want policy: surface_normal", name));

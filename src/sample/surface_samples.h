@@ -23,7 +23,8 @@ struct SurfaceSamples {
 
 /// Casts a ray from every cell of six grids, one for each side of the bounding box, inwards; the first hit is a sample
 /// (Berenson et al. 2007, II-C). Order: sides -x, +x, -y, +y, -z, +z, then rows, then columns. Each ray is moved inside
-/// its cell by up to 5 % of the pitch, by a fixed hash of (side, row, column), so that none is aimed at a vertex.
+/// its cell by up to 5 % of the pitch (of the object's extent where that is smaller), by a fixed hash of (side, row,
+/// column), so that none is aimed at a vertex.
 /// Hits on the two faces of a thin wall come from opposite sides and are both kept. On an open mesh a hit from behind
 /// counts with the normal turned towards the ray.
 /// The approach direction is the negative normal. @throws InputError  `NAME: ...` more than 20 million rays, or no hit

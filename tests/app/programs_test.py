@@ -19,7 +19,7 @@ def run(*arguments, **options):
     """The finished program with its text."""
     environment = {key: value for key, value in os.environ.items() if key != "HANDHOLD_DB"}
     environment.update(options.pop("env", {}))
-    return subprocess.run([HANDHOLD, *map(str, arguments)], capture_output=True, text=True, timeout=120,
+    return subprocess.run([HANDHOLD, *map(str, arguments)], capture_output=True, text=True, timeout=600,
                           env=environment, **options)
 
 
@@ -152,6 +152,55 @@ class Programs(unittest.TestCase):
         shutil.copy(SOURCE / "hands/jaw/jaw.urdf", folder)
         (folder / "hand.yaml").write_text(template.stdout)
         self.assertEqual(run("hand", folder).returncode, 0)
+
+    def test_same_object_in_three_formats_has_one_frame(self):
+        subprocess.run(["/usr/bin/python3", SOURCE / "scripts/generate_meshes", "--out", self.folder / "all", "--frame-test", self.folder],
+                       check=True, capture_output=True)
+        entries = {"obj": self.folder / "all/mug.obj", "glb": self.folder / "mug.glb", "dae": self.folder / "mug.dae"}
+        job = self.folder / "frames.yaml"
+        job.write_text("catalog:\n" + "".join(f"  - {{name: {k}, mesh: {v}, unit: m}}\n" for k, v in entries.items()) +
+                       f"hands: [{SOURCE}/hands/jaw]\nsampling: {{samples: 6, rolls: 2}}\n")
+        self.assertEqual(run("build", job, "--db", self.db, "--progress", "none").returncode, 0)
+        code = ("import h5py, sys, numpy as np\nsets = [h5py.File(p) for p in sys.argv[1:]]\n"
+                "v = [np.array(sorted(map(tuple, s['object/vertices'][()]))) for s in sets]\n"
+                "assert v[0].shape == v[1].shape == v[2].shape\n"
+                "assert max(abs(v[0] - v[1]).max(), abs(v[0] - v[2]).max()) < 1e-6\n"
+                "c = [s['object/center_of_mass'][()] for s in sets]\nassert max(abs(c[0] - c[1]).max(), abs(c[0] - c[2]).max()) < 1e-6\n")
+        check = subprocess.run(["/usr/bin/python3", "-c", code, *(self.db / k / "jaw/v0001.h5" for k in entries)], capture_output=True, text=True)
+        self.assertEqual(check.returncode, 0, check.stderr)
+
+    def test_installed_programs_work(self):
+        build = HANDHOLD.parent.parent
+        subprocess.run(["cmake", "--install", build, "--prefix", self.folder / "usr"], check=True, capture_output=True)
+        share = self.folder / "usr/share/handhold"
+        result = subprocess.run([self.folder / "usr/bin/handhold", "build", share / "jobs/demo.yaml", "--object", "t_bar", "--hand", "jaw",
+                                 "--dry-run", "--db", self.db], capture_output=True, text=True)
+        self.assertIn("1 sets missing", result.stdout, result.stderr)
+        job = self.job(objects=("t_bar.ply",))
+        result = subprocess.run([self.folder / "usr/bin/handhold", "build", job, "--db", self.db], capture_output=True, text=True)
+        self.assertEqual(result.returncode, 0, result.stderr)  # the importer is found in libexec
+
+    # --- real meshes and hands
+
+    @unittest.skipUnless(os.environ.get("HANDHOLD_DATA"), "HANDHOLD_DATA names no folder with real meshes and hands")
+    def test_shared_hands_are_checked(self):
+        for hand in ("barrett_bh280", "robotiq_2f85", "franka_hand", "allegro_right", "panda_hand"):
+            result = run("hand", SOURCE / "tests/data/hands" / hand)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertIn("the hand is ready", result.stdout, hand)
+
+    @unittest.skipUnless(os.environ.get("HANDHOLD_DATA"), "HANDHOLD_DATA names no folder with real meshes and hands")
+    def test_ycb_objects_with_the_barrett_hand(self):
+        ycb = pathlib.Path(os.environ["HANDHOLD_DATA"]) / "meshes/ycb"
+        files = {"mug": "025_mug.ply", "mustard": "006_mustard_bottle.stl", "drill": "035_power_drill.ply", "hammer": "048_hammer.obj"}
+        job = self.folder / "ycb.yaml"
+        job.write_text("catalog:\n" + "".join(f"  - {{name: {k}, mesh: {ycb / v}, unit: m}}\n" for k, v in files.items()) +
+                       f"hands: [{SOURCE}/hands/barrett]\nsampling: {{samples: 16, rolls: 4}}\nquality: {{friction: 0.4}}\n")
+        result = run("build", job, "--db", self.db, "--progress", "none")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        for info in json.loads(run("list", "--db", self.db, "--format", "json").stdout):
+            share = info["grasps"] / info["trials"]
+            self.assertGreater(share, 0.05 if info["object"] in ("mug", "mustard") else 0, info["object"])
 
     # --- what fails, and how
 

@@ -3,6 +3,8 @@
 #include "core/error.h"
 
 #include <numbers>
+#include <string>
+#include <string_view>
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -273,7 +275,8 @@ TEST(Yaml, DamagedTextEndsInValuesOrARefusal) {
       "catalog:\n  - {name: mug, mesh: \"../mug.obj\", unit: m, pose: {position: [0, 1, 2]}}\nlist: &l\n  - a\n  - "
       "'b'\n"
       "again: *l\ntext: |\n  x\n  y\nseed: 1\n";
-  const std::string bytes("[]{}:,-&*!|>'\"#%@?~ \n\t\0\xff\x80", 27);
+  constexpr char kBytes[] = "[]{}:,-&*!|>'\"#%@?~ \n\t\0\xff\x80";
+  const std::string_view bytes(kBytes, sizeof kBytes - 1);
   int refused = 0;
   const auto isRefused = [](const std::string& text) {
     const std::string message = parseMessage(text);
