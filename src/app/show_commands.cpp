@@ -86,31 +86,53 @@ void printInfo(const GraspSetSummary& s) {
   for (const auto& [stage, duration] : s.seconds) fmt::print("    {:<18}{:>9.3f} s\n", stage, duration);
 }
 
+/// How an outcome is headed in a table, and what is said about it below.
+struct Column {
+  std::string outcome, heading, meaning;
+};
+
+/// The outcomes that occur in any of the sets: others get no column. One of a newer program keeps its own name.
+std::vector<Column> occurringOutcomes(const std::vector<GraspSetSummary>& summaries) {
+  static const std::vector<Column> kKnown = {
+      {"force_closed", "FC %", "trials that end force closed"},
+      {"not_force_closed", "not FC %", "contacts that cannot resist every wrench"},
+      {"too_few_contacts", "few %", "fewer than three contact points"},
+      {"blocked_centering", "blocked %", "a jaw that centres itself would push the hand into the object"},
+      {"self_collision", "self %", "force closed, but parts of the hand pass through each other"},
+      {"solve_failed", "solve %", "force closure or epsilon could not be computed"},
+      {"not_run", "not run %", "the build was stopped"}};
+  std::vector<Column> columns;
+  for (const GraspSetSummary& summary : summaries) {
+    for (const auto& [name, count] : summary.outcomes) {
+      const auto is = [&, outcome = name](const Column& column) { return column.outcome == outcome; };
+      if (count == 0 || std::any_of(columns.begin(), columns.end(), is)) continue;
+      const auto known = std::find_if(kKnown.begin(), kKnown.end(), is);
+      columns.push_back(known != kKnown.end() ? *known : Column{name, name + " %", name});
+    }
+  }
+  return columns;
+}
+
 }  // namespace
 
 std::string summaryTable(const std::vector<GraspSetSummary>& summaries) {
-  // Outcomes that occur nowhere get no column.
-  std::vector<std::string> outcomes;
+  if (summaries.empty()) return "";
+  const std::vector<Column> columns = occurringOutcomes(summaries);
+  std::string table = fmt::format("{:<14} {:<8} {:>3} {:>5} {:>3} {:>2} {:>7}", "object", "hand", "ver", "N", "R", "M", "trials");
+  for (const Column& column : columns) table += fmt::format(" {:>9}", column.heading);
+  table += fmt::format(" {:>7} {:>8} {:>7}\n", "grasps", "best eps", "core s");
   for (const GraspSetSummary& s : summaries) {
-    for (const auto& [name, count] : s.outcomes) {
-      if (count > 0 && std::find(outcomes.begin(), outcomes.end(), name) == outcomes.end()) outcomes.push_back(name);
-    }
-  }
-  std::string table =
-      fmt::format("{:<16} {:<10} {:>3} {:>5} {:>3} {:>2} {:>7}", "object", "hand", "ver", "N", "R", "M", "trials");
-  for (const std::string& name : outcomes) table += fmt::format(" {:>{}}", name + " %", name.size() + 2);
-  table += fmt::format(" {:>7} {:>9} {:>8}\n", "grasps", "best eps", "core s");
-  for (const GraspSetSummary& s : summaries) {
-    table += fmt::format("{:<16} {:<10} {:>3} {:>5} {:>3} {:>2} {:>7}", s.object, s.hand, s.setVersion, s.samples,
-                         s.rolls, s.preshapes, trialCount(s));
-    for (const std::string& name : outcomes) {
+    table += fmt::format("{:<14} {:<8} {:>3} {:>5} {:>3} {:>2} {:>7}", s.object, s.hand, s.setVersion, s.samples, s.rolls,
+                         s.preshapes, trialCount(s));
+    for (const Column& column : columns) {
       std::size_t count = 0;
-      for (const auto& [other, value] : s.outcomes) count += other == name ? value : 0;
-      table += fmt::format(" {:>{}.1f}", share(count, trialCount(s)), name.size() + 2);
+      for (const auto& [name, value] : s.outcomes) count += name == column.outcome ? value : 0;
+      table += fmt::format(" {:>9.1f}", share(count, trialCount(s)));
     }
-    table += fmt::format(" {:>7} {:>9.4f} {:>8.2f}\n", s.grasps, s.bestEpsilon, totalSeconds(s));
+    table += fmt::format(" {:>7} {:>8.4f} {:>7.2f}\n", s.grasps, s.bestEpsilon, totalSeconds(s));
   }
-  return summaries.empty() ? "" : table;
+  for (const Column& column : columns) table += fmt::format("  {:<9} {}\n", column.heading, column.meaning);
+  return table;
 }
 
 int runList(const Database& database, bool asJson) {

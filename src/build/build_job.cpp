@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <functional>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -80,13 +81,7 @@ class JobRun {
     if (missing.empty() || cancel_) return;
     progress_.begin(item.name, reports_.size());
     SampledObject object;
-    try {
-      object = loadSampledObject(job_, item);
-    } catch (const InputError& error) {
-      if (cancel_) return;  // Ctrl-C ends the importer too
-      for (const Hand* hand : missing) reportFailure(item, *hand, error.what());
-      return;
-    }
+    if (!guarded(item, missing, [&] { object = loadSampledObject(job_, item, &cancel_); })) return;
     for (const std::string& note : object.model.notes) logInfo(fmt::format("{}: {}", item.name, note));
     for (const std::string& warning : object.model.warnings) logWarning(fmt::format("{}: {}", item.name, warning));
     for (const Hand* hand : missing) {
@@ -114,7 +109,7 @@ class JobRun {
   void runSet(const SampledObject& object, const Hand& hand) {
     const CatalogItem& item = *object.item;
     progress_.begin(item.name + " x " + hand.name, reports_.size());
-    try {
+    guarded(item, {&hand}, [&] {
       std::optional<GraspSet> set = buildSet(job_, object, hand, jobs_, progress_.counters(), cancel_);
       if (!set) return;
       const std::size_t grasps = set->graspCount();
@@ -122,13 +117,24 @@ class JobRun {
       reports_.push_back({item.name, hand.name, SetReport::State::built, readSummary(path), "", ""});
       if (grasps == 0) logWarning(fmt::format("{} x {}: no grasp is force closed", item.name, hand.name));
       logInfo(fmt::format("{} x {}: {} grasps, {}", item.name, hand.name, grasps, path.string()));
-    } catch (const InputError& error) {
-      reportFailure(item, hand, error.what());
-    } catch (const SystemError& error) {
-      reportFailure(item, hand, error.what());
+    });
+  }
+
+  /// Runs `work`; what it throws is the failure of these sets, not the end of the job. After a stop it is neither.
+  bool guarded(const CatalogItem& item, const std::vector<const Hand*>& hands, const std::function<void()>& work) {
+    std::string reason;
+    try {
+      work();
+      return true;
     } catch (const std::bad_alloc&) {
-      reportFailure(item, hand, "out of memory");
+      reason = "out of memory";
+    } catch (const std::runtime_error& error) {  // InputError, SystemError
+      reason = error.what();
     }
+    for (const Hand* hand : hands) {
+      if (!cancel_) reportFailure(item, *hand, reason);
+    }
+    return false;
   }
 
   void reportFailure(const CatalogItem& item, const Hand& hand, const std::string& error) {

@@ -150,11 +150,13 @@ void setTimings(const SampledObject& object, const std::vector<StageSeconds>& wo
 
 }  // namespace
 
-SampledObject loadSampledObject(const Job& job, const CatalogItem& item) {
+SampledObject loadSampledObject(const Job& job, const CatalogItem& item, const std::atomic<bool>* cancel) {
   SampledObject object;
   object.item = &item;
   auto start = std::chrono::steady_clock::now();
-  object.model = loadObject(item.mesh, item.unit);
+  ImportLimits limits;
+  limits.cancel = cancel;
+  object.model = loadObject(item.mesh, item.unit, limits);
   object.seconds["load"] = secondsSince(start);
   start = std::chrono::steady_clock::now();
   const RayScene scene(object.model.mesh);

@@ -22,8 +22,8 @@ struct SampledObject {
   std::map<std::string, double> seconds;  // load, sample
 };
 
-/// Loads and samples one object. @throws InputError
-SampledObject loadSampledObject(const Job& job, const CatalogItem& item);
+/// Loads and samples one object. @throws InputError, also when `cancel` becomes true while the file is read
+SampledObject loadSampledObject(const Job& job, const CatalogItem& item, const std::atomic<bool>* cancel = nullptr);
 
 /// The hash of everything that changes a set's results: mesh bytes and unit, hand files, parameters, method version.
 /// @throws InputError  the mesh file cannot be read

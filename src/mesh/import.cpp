@@ -192,14 +192,18 @@ class Answer {
   std::string bytes_;
 };
 
-/// Reads both pipes until the child has closed them; false at the deadline.
-bool receive(Pipe& out, Pipe& err, Clock::time_point deadline, Answer& answer, std::string& errors) {
+bool isCancelled(const ImportLimits& limits) { return limits.cancel != nullptr && limits.cancel->load(); }
+
+/// Reads both pipes until the child has closed them; false at the deadline or when cancelled.
+bool receive(Pipe& out, Pipe& err, Clock::time_point deadline, const ImportLimits& limits, Answer& answer,
+             std::string& errors) {
+  constexpr std::int64_t kLook = 100;  // ms between two looks at the cancel flag
   std::vector<char> buffer(std::size_t{64} << 10);
   std::array<pollfd, 2> polled = {pollfd{out.read.get(), POLLIN, 0}, pollfd{err.read.get(), POLLIN, 0}};
   while (polled[0].fd >= 0 || polled[1].fd >= 0) {
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now()).count();
-    if (left <= 0) return false;
-    const int ready = ::poll(polled.data(), polled.size(), static_cast<int>(std::min<std::int64_t>(left, 1'000'000)));
+    if (left <= 0 || isCancelled(limits)) return false;
+    const int ready = ::poll(polled.data(), polled.size(), static_cast<int>(std::min<std::int64_t>(left, kLook)));
     if (ready < 0 && errno != EINTR) throwSystem("reading from handhold-import", errno);
     if (ready <= 0) continue;
     for (std::size_t k = 0; k < polled.size(); ++k) {
@@ -269,8 +273,9 @@ ImportedMesh importInChild(const std::string& helper, const std::string& path, c
   err.write.close();
   Answer answer(path, limits);
   std::string errors;
-  const bool finished = receive(out, err, deadline, answer, errors);
+  const bool finished = receive(out, err, deadline, limits, answer, errors);
   const auto status = finished ? child.wait(deadline) : std::nullopt;
+  if (isCancelled(limits)) throw InputError(fmt::format("{}: reading was stopped", path));
   if (!status) throw InputError(fmt::format("{}: the importer took longer than {} s", path, limits.seconds));
   requireSuccess(*status, errors, path, limits);
   return answer.unpack();

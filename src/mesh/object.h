@@ -3,6 +3,7 @@
 #include "mesh/mass_properties.h"
 #include "mesh/triangle_mesh.h"
 
+#include <atomic>
 #include <string>
 #include <vector>
 
@@ -29,6 +30,7 @@ struct ImportLimits {
   double seconds = 60;
   std::size_t bytes = std::size_t{4} << 30;
   std::size_t triangles = 4'000'000;
+  const std::atomic<bool>* cancel = nullptr;  // when it becomes true the child is ended within a tenth of a second
 };
 
 /// Reads a mesh file in a child process (so that a crash or hang of the importer is one failed item), turns it into

@@ -59,7 +59,7 @@ class Programs(unittest.TestCase):
         result = self.build(objects=("box.stl", "t_bar.ply"))
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertIn("2 sets built, 0 unchanged, 0 failed", result.stdout)
-        for word in ("object", "hand", "N", "R", "M", "trials", "force_closed %", "grasps", "best eps", "core s"):
+        for word in ("object", "hand", "N", "R", "M", "trials", "FC %", "grasps", "best eps", "core s"):
             self.assertIn(word, result.stdout.splitlines()[0])
         again = self.build(objects=("box.stl", "t_bar.ply"))
         self.assertIn("0 sets built, 2 unchanged, 0 failed", again.stdout)
