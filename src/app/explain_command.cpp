@@ -32,7 +32,7 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
                                  trials - 1));
   }
   const GraspCandidate candidate = candidateAt(job, object.samples, hand, trial);
-  const auto policy = makeReferencePolicy(hand, object.model, job.policy);
+  const auto policy = makeReferencePolicy(hand, object.model, job.policy, policySettings(job));
   Evaluation result;
   StageSeconds seconds;
   evaluate(*policy, candidate, wrenchModel(job, item, object.model), result, seconds);

@@ -118,12 +118,13 @@ std::vector<Column> occurringOutcomes(const std::vector<GraspSetSummary>& summar
 std::string summaryTable(const std::vector<GraspSetSummary>& summaries) {
   if (summaries.empty()) return "";
   const std::vector<Column> columns = occurringOutcomes(summaries);
-  std::string table = fmt::format("{:<14} {:<8} {:>3} {:>5} {:>3} {:>2} {:>7}", "object", "hand", "ver", "N", "R", "M", "trials");
+  std::string table =
+      fmt::format("{:<14} {:<8} {:>3} {:>5} {:>3} {:>2} {:>7}", "object", "hand", "ver", "N", "R", "M", "trials");
   for (const Column& column : columns) table += fmt::format(" {:>9}", column.heading);
   table += fmt::format(" {:>7} {:>8} {:>7}\n", "grasps", "best eps", "core s");
   for (const GraspSetSummary& s : summaries) {
-    table += fmt::format("{:<14} {:<8} {:>3} {:>5} {:>3} {:>2} {:>7}", s.object, s.hand, s.setVersion, s.samples, s.rolls,
-                         s.preshapes, trialCount(s));
+    table += fmt::format("{:<14} {:<8} {:>3} {:>5} {:>3} {:>2} {:>7}", s.object, s.hand, s.setVersion, s.samples,
+                         s.rolls, s.preshapes, trialCount(s));
     for (const Column& column : columns) {
       std::size_t count = 0;
       for (const auto& [name, value] : s.outcomes) count += name == column.outcome ? value : 0;

@@ -72,6 +72,7 @@ void setParameters(const Job& job, const WrenchModel& model, GraspSet& set) {
   set.friction = model.friction;
   set.torqueScale = model.torqueScale;
   set.coneEdges = model.coneEdges;
+  set.contactDistance = job.contactDistance;
   set.seed = job.seed;
   set.rolls = job.rolls;
   set.generator = "handhold " HANDHOLD_VERSION;
@@ -182,7 +183,7 @@ std::string inputHash(const Job& job, const CatalogItem& item, const Hand& hand)
   for (const Preshape& preshape : hand.preshapes) hash.addText(preshape.name);
   for (const double number :
        {static_cast<double>(job.policy), static_cast<double>(job.samples), job.pitch, static_cast<double>(job.rolls),
-        item.friction, static_cast<double>(job.coneEdges), static_cast<double>(job.mapNeighbors),
+        item.friction, static_cast<double>(job.coneEdges), job.contactDistance, static_cast<double>(job.mapNeighbors),
         static_cast<double>(job.keepTop), static_cast<double>(job.keepDiverse), static_cast<double>(job.seed)}) {
     hash.addNumber(number);
   }
@@ -218,7 +219,7 @@ std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, co
   set.trialEpsilon.assign(set.trialCount(), std::nanf(""));
 
   std::vector<std::unique_ptr<GraspPolicy>> policies;
-  policies.push_back(makeReferencePolicy(hand, object.model, job.policy));
+  policies.push_back(makeReferencePolicy(hand, object.model, job.policy, policySettings(job)));
   while (static_cast<int>(policies.size()) < jobs.threads()) policies.push_back(policies[0]->clone());
   std::vector<StageSeconds> seconds(jobs.threads());
   std::vector<Evaluation> evaluations(jobs.threads());

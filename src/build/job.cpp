@@ -169,9 +169,14 @@ void readSampling(const YamlValue& sampling, Job& job) {
 }
 
 void readQuality(const YamlValue& quality, Job& job) {
-  quality.allowKeys({"friction", "cone_edges"});
+  quality.allowKeys({"friction", "cone_edges", "contact_distance"});
   if (const YamlValue* friction = quality.find("friction")) job.friction = friction->positiveNumber();
   if (const YamlValue* edges = quality.find("cone_edges")) job.coneEdges = edges->integer(3, 64);
+  if (const YamlValue* distance = quality.find("contact_distance")) {
+    job.contactDistance = distance->number();
+    if (job.contactDistance < 2e-5 || job.contactDistance > 2e-3)
+      distance->refuse("a number of metres from 0.00002 to 0.002");
+  }
 }
 
 void readKeep(const YamlValue& keep, Job& job) {
@@ -204,6 +209,12 @@ Job loadJob(const std::string& path) {
   for (const std::string& hand : top.require("hands").texts()) job.handPaths.push_back(besides(path, hand));
   if (job.handPaths.empty()) top.require("hands").refuse("at least one hand");
   return job;
+}
+
+ReferenceSettings policySettings(const Job& job) {
+  ReferenceSettings settings;
+  settings.contactDistance = job.contactDistance;
+  return settings;
 }
 
 std::vector<Hand> loadHands(const Job& job, const PackagePaths& packages) {

@@ -33,6 +33,7 @@ struct Job {
   int rolls = 16;
   double friction = 0.4;
   int coneEdges = 8;
+  double contactDistance = ReferenceSettings{}.contactDistance;  // m
   int mapNeighbors = 8;
   std::size_t keepTop = 0;  // 0: all
   bool keepDiverse = false;
@@ -41,6 +42,9 @@ struct Job {
 
 /// @throws InputError  FILE:LINE: KEY ..., for every unknown key, wrong value, repeated name or missing folder
 Job loadJob(const std::string& path);
+
+/// The reference policy's settings with what the job says.
+ReferenceSettings policySettings(const Job& job);
 
 /// The hands of a job, by name, with the job's choice of preshapes. @throws InputError
 std::vector<Hand> loadHands(const Job& job, const PackagePaths& packages = {});

@@ -17,7 +17,7 @@ struct GraspSet {
   // provenance
   std::string object, hand, inputHash, generator, job, policy;
   int setVersion = 0;
-  double friction = 0, torqueScale = 0, pitch = 0, mapPitch = 0;
+  double friction = 0, contactDistance = 0, torqueScale = 0, pitch = 0, mapPitch = 0;
   int coneEdges = 0;
   std::uint64_t seed = 0;
 

@@ -94,6 +94,7 @@ void forEachRootAttribute(const Visit& visit) {
   visit("seed", &GraspSet::seed);
   visit("friction", &GraspSet::friction);
   visit("cone_edges", &GraspSet::coneEdges);
+  visit("contact_distance", &GraspSet::contactDistance);
   visit("torque_scale", &GraspSet::torqueScale);
   visit("pitch", &GraspSet::pitch);
   visit("map_pitch", &GraspSet::mapPitch);

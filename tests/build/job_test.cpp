@@ -166,6 +166,8 @@ TEST_F(JobFile, RefusesBadQuality) {
               HasSubstr("quality.friction is \"0\", want a number > 0"));
   EXPECT_THAT(refusal(good_, "sampling: {samples: 4}\nquality: {cone_edges: 2}\n"),
               HasSubstr("want a whole number from 3 to 64"));
+  EXPECT_THAT(refusal(good_, "sampling: {samples: 4}\nquality: {contact_distance: 0.1}\n"),
+              HasSubstr("quality.contact_distance is \"0.1\", want a number of metres from 0.00002 to 0.002"));
 }
 
 TEST_F(JobFile, RefusesWhatIsNoYaml) {

@@ -57,6 +57,23 @@ TEST(ClosedForm, BoxBetweenPlates) {
   EXPECT_EQ(verdict(trial, box, 0.01), ForceClosure::closed);  // patches resist torques at any friction > 0
 }
 
+// The flush palm, 0.3 mm off the box, is in contact when the contact distance says so.
+TEST(ClosedForm, AFlushPalmCountsWithinTheContactDistance) {
+  const ObjectModel box = boxObject({0.05, 0.1, 0.06});
+  ReferenceSettings settings;
+  settings.contactDistance = 4e-4;
+  GraspTrial trial;
+  const Hand hand = makeJaw(false);
+  makeReferencePolicy(hand, box, PolicyKind::surfaceNormal, settings)->run(fromAbove(0.03), trial);
+  const auto palmContacts =
+      std::count_if(trial.contacts.begin(), trial.contacts.end(), [](const Contact& c) { return c.link == 0; });
+  EXPECT_EQ(palmContacts, 4);
+  for (const Contact& contact : trial.contacts) {
+    if (contact.link != 0) continue;
+    EXPECT_NEAR(contact.position.z(), 0.03, 1e-8);
+  }
+}
+
 // Pads meet the sphere's equator; contacts lie in caps of half-width sqrt(2 r d) around it.
 TEST(ClosedForm, SphereInAJaw) {
   constexpr double kRadius = 0.03;

@@ -127,6 +127,7 @@ inline GraspSet syntheticSet(const SyntheticSizes& sizes = {}, std::uint64_t see
   set.pitch = 0.004;
   set.mapPitch = 0.002;
   set.coneEdges = 8;
+  set.contactDistance = 1e-4;
   set.seed = 0xfedcba9876543210ULL;
   set.objectMesh = tetrahedron(0.1f);
   set.watertight = true;
