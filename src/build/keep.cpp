@@ -18,6 +18,7 @@ void keepGrasps(std::vector<KeptGrasp>& grasps, std::size_t top, bool diverse, d
     return;
   }
   std::vector<Eigen::Quaterniond> orientation;
+  orientation.reserve(grasps.size());
   for (const KeptGrasp& grasp : grasps) orientation.emplace_back(grasp.X_OH.linear());
   std::vector<double> distance(grasps.size(), std::numeric_limits<double>::infinity());
   std::vector<bool> kept(grasps.size(), false);

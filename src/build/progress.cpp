@@ -3,6 +3,7 @@
 #include "core/log.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -11,7 +12,7 @@ namespace handhold {
 namespace {
 
 std::string clockText(double seconds) {
-  const auto total = static_cast<long>(seconds + 0.5);
+  const long total = std::lround(seconds);
   return total >= 3600 ? fmt::format("{}:{:02}:{:02}", total / 3600, total / 60 % 60, total % 60)
                        : fmt::format("{}:{:02}", total / 60, total % 60);
 }

@@ -41,7 +41,7 @@ struct YamlValue::Parser {
 
   void addEntry(YamlValue& map, const YAML::Node& keyNode, const YAML::Node& valueNode, int depth) {
     if (!keyNode.IsScalar()) map.fail("has a key that is no plain text");
-    const std::string name = keyNode.Scalar();
+    const std::string& name = keyNode.Scalar();
     YamlValue entry = convert(valueNode, map.key_.empty() ? name : map.key_ + "." + name, depth + 1);
     entry.line_ = keyNode.Mark().line + 1;
     if (map.find(name) != nullptr) entry.fail("is given twice, want it once");

@@ -251,7 +251,7 @@ bool takePlyItem(PlyData& data, const PlyElement& element, std::uint64_t item, s
       count = *length;
     }
     const bool isFace = isList && element.name == "face" && property.name.starts_with("vertex_ind");
-    for (double k = 0; k < count; ++k) {
+    for (std::uint64_t k = 0; static_cast<double>(k) < count; ++k) {
       const auto value = data.take(property.type);
       if (!value) return false;
       if (isFace && !(*value >= 0 && *value < static_cast<double>(nVertices))) {

@@ -155,6 +155,7 @@ std::vector<fs::path> Database::files() const {
   }
   std::sort(found.begin(), found.end());
   std::vector<fs::path> paths;
+  paths.reserve(found.size());
   for (const auto& entry : found) paths.push_back(std::get<3>(entry));
   return paths;
 }

@@ -108,7 +108,8 @@ struct ProbeScene {
   double spread(const Camera& camera) const {
     std::vector<int> seen(parts.size(), 0);
     for (int i = 0; i < kProbeWidth * kProbeHeight; ++i) {
-      const double u = (i % kProbeWidth + 0.5) / kProbeWidth, v = (i / kProbeWidth + 0.5) / kProbeHeight;
+      const int column = i % kProbeWidth, row = i / kProbeWidth;
+      const double u = (column + 0.5) / kProbeWidth, v = (row + 0.5) / kProbeHeight;
       const RayHit hit = rays.cast(camera.X_WC.translation(), camera.ray(u, v));
       if (!hit.missed()) ++seen[partOfTriangle[hit.triangle]];
     }

@@ -143,8 +143,9 @@ class Renderer {
       const Eigen::Vector2d shift = pixelShift(column, row);
       Vector3d sum = Vector3d::Zero();
       for (int k = 0; k < side * side; ++k) {
-        const double u = (column + (k % side + 0.5) / side) / settings_.width;
-        const double v = (row + (k / side + 0.5) / side) / settings_.height;
+        const int subColumn = k % side, subRow = k / side;
+        const double u = (column + (subColumn + 0.5) / side) / settings_.width;
+        const double v = (row + (subRow + 0.5) / side) / settings_.height;
         sum += colourAlong(camera_.ray(u, v), k, shift);
       }
       for (int i = 0; i < 3; ++i) *rgb++ = toByte(sum[i] / (side * side));
