@@ -4,6 +4,7 @@
 #include "core/log.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -101,15 +102,20 @@ std::vector<Column> occurringOutcomes(const std::vector<GraspSetSummary>& summar
       {"self_collision", "self %", "force closed, but parts of the hand pass through each other"},
       {"solve_failed", "solve %", "force closure or epsilon could not be computed"},
       {"not_run", "not run %", "the build was stopped"}};
-  std::vector<Column> columns;
+  std::vector<Column> occurring;
+  const auto has = [](const std::vector<Column>& columns, const std::string& outcome) {
+    return std::any_of(columns.begin(), columns.end(), [&](const Column& column) { return column.outcome == outcome; });
+  };
   for (const GraspSetSummary& summary : summaries) {
     for (const auto& [name, count] : summary.outcomes) {
-      const auto is = [&, outcome = name](const Column& column) { return column.outcome == outcome; };
-      if (count == 0 || std::any_of(columns.begin(), columns.end(), is)) continue;
-      const auto known = std::find_if(kKnown.begin(), kKnown.end(), is);
-      columns.push_back(known != kKnown.end() ? *known : Column{name, name + " %", name});
+      if (count > 0 && !has(occurring, name)) occurring.push_back({name, name + " %", name});
     }
   }
+  std::vector<Column> columns;
+  std::copy_if(kKnown.begin(), kKnown.end(), std::back_inserter(columns),
+               [&](const Column& column) { return has(occurring, column.outcome); });
+  std::copy_if(occurring.begin(), occurring.end(), std::back_inserter(columns),
+               [&](const Column& column) { return !has(kKnown, column.outcome); });
   return columns;
 }
 
@@ -118,13 +124,18 @@ std::vector<Column> occurringOutcomes(const std::vector<GraspSetSummary>& summar
 std::string summaryTable(const std::vector<GraspSetSummary>& summaries) {
   if (summaries.empty()) return "";
   const std::vector<Column> columns = occurringOutcomes(summaries);
-  std::string table =
-      fmt::format("{:<14} {:<8} {:>3} {:>5} {:>3} {:>2} {:>7}", "object", "hand", "ver", "N", "R", "M", "trials");
+  std::size_t objectWidth = 6, handWidth = 4;
+  for (const GraspSetSummary& s : summaries) {
+    objectWidth = std::max(objectWidth, s.object.size());
+    handWidth = std::max(handWidth, s.hand.size());
+  }
+  std::string table = fmt::format("{:<{}} {:<{}} {:>3} {:>5} {:>3} {:>2} {:>7}", "object", objectWidth, "hand",
+                                  handWidth, "ver", "N", "R", "M", "trials");
   for (const Column& column : columns) table += fmt::format(" {:>9}", column.heading);
   table += fmt::format(" {:>7} {:>8} {:>7}\n", "grasps", "best eps", "core s");
   for (const GraspSetSummary& s : summaries) {
-    table += fmt::format("{:<14} {:<8} {:>3} {:>5} {:>3} {:>2} {:>7}", s.object, s.hand, s.setVersion, s.samples,
-                         s.rolls, s.preshapes, trialCount(s));
+    table += fmt::format("{:<{}} {:<{}} {:>3} {:>5} {:>3} {:>2} {:>7}", s.object, objectWidth, s.hand, handWidth,
+                         s.setVersion, s.samples, s.rolls, s.preshapes, trialCount(s));
     for (const Column& column : columns) {
       std::size_t count = 0;
       for (const auto& [name, value] : s.outcomes) count += name == column.outcome ? value : 0;
