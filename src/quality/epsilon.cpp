@@ -1,4 +1,5 @@
 #include "core/random.h"
+#include "quality/columns.h"
 #include "quality/force_closure.h"
 #include "quality/polar.h"
 
@@ -8,7 +9,6 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -16,11 +16,15 @@
 namespace handhold {
 namespace {
 
+using lanes::Lanes;
+using polar::Columns;
+using polar::InstructionSet;
 using polar::Matrix6;
 using polar::StartSimplex;
 using polar::Support;
 using polar::Vector6;
 
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // A point sees a facet when it lies farther than this, times R, beyond the facet's plane. Rounding of n . p / |n| is
 // below 1e-15 R, so coplanar wrenches (symmetric contacts, duplicates) are never seen.
 constexpr double kPlaneTolerance = 1e-12;
@@ -42,18 +46,17 @@ constexpr std::uint32_t facetOf(Place place) { return place >> 3; }
 constexpr int sideOf(Place place) { return static_cast<int>(place & 7); }
 
 /// A facet of the inner polytope: a vertex n of the polar about the centre c, with n . (v - c) = 1 at its six vertices
-/// v. Two cache lines.
+/// v. Two cache lines: what is mixed, and the rest.
 struct alignas(64) Facet {
-  Vector6 normal;
+  std::array<double, 8> normal = {};     // n, then n . c, which mixes as n does, then 0
   double norm = 0;                       // |n|
-  double distance = 0;                   // (1 + n . c) / |n|, of the plane from the origin
   double height = 0;                     // n . (p - c) for the point p of `pass`
   std::array<Place, 6> neighbours = {};  // [k] across the ridge that misses vertices[k]
   std::array<std::uint16_t, 6> vertices = {};
   std::uint32_t pass = 0;
-  bool seen = false;  // by the point of `pass`
   bool alive = false;
 };
+static_assert(sizeof(Facet) == 128);
 
 /// Half of a pair of new facets that share p and four other vertices.
 struct HalfLink {
@@ -62,240 +65,333 @@ struct HalfLink {
   Place place = kNone;
 };
 
-/// The inner polytope, kept between calls for its memory.
-class InnerPolytope {
- public:
-  /// Radius of the largest ball about the origin in the hull of the columns; NaN when rounding stopped the expansion.
-  double expand(const WrenchMatrix& wrenches, const ForceClosureResult& closure, double radius, double planeTolerance);
+/// v - c, or p - c, and two zeros.
+struct alignas(64) Point : std::array<double, 8> {};
 
- private:
-  void start(const WrenchMatrix& wrenches, const ForceClosureResult& closure);
-  std::uint32_t nearestFacet();
-  bool insert(const Vector6& point, int column, std::uint32_t first, double upper);
-  void measure(Facet& facet) const;
-  void lookFrom(const Vector6& point, Facet& facet) const;
-  void collectSeen(const Vector6& point, std::uint32_t first);
-  bool coverRidge(Place ridge, int column, double upper);
-  bool link(std::uint64_t key, Place place);
-  std::uint32_t newFacet();
-  void propose(std::uint32_t facet);
-  bool planesHold(const WrenchMatrix& wrenches, const Vector6& interiorPoint) const;
+/// The memory of an inner polytope, kept between calls. Branches that no processor could foresee (is a neighbour seen,
+/// is a pair complete) are written as arithmetic: lists have room for one more than they hold, and an entry that is not
+/// wanted is written over by the next.
+struct Memory {
+  void reserve(std::size_t nFacetsWanted);
 
-  double planeTolerance_ = 0;         // times R
-  Vector6 center_ = Vector6::Zero();  // c
-  double radius_ = 0;                 // R
-  std::uint32_t pass_ = 0;
-  int unpaired_ = 0;
-  std::vector<Facet> facets_;
-  std::vector<std::uint32_t> free_;
-  std::vector<std::uint32_t> seen_;
-  std::vector<Place> horizon_;                             // the seen sides
-  std::vector<HalfLink> links_;                            // open addressing, a power of two
-  std::vector<std::pair<double, std::uint32_t>> nearest_;  // heap of (-distance, facet); stale when it differs
-  std::vector<char> isVertex_;
-  std::vector<std::uint64_t> codes_;  // of the vertices, 64 random bits each
+  std::vector<polar::ColumnBlock> columnBlocks;
+  std::vector<Facet> facets;
+  std::vector<double> distances;  // of the planes from the origin; infinite when dead or beyond the upper bound
+  std::vector<std::uint32_t> free;
+  std::vector<std::uint32_t> seen;
+  std::vector<Place> horizon;   // the seen sides
+  std::vector<HalfLink> links;  // open addressing, a power of two
+  std::vector<char> isVertex;
+  std::vector<Point> points;         // [column], set for vertices; [n] is w0
+  std::vector<std::uint64_t> codes;  // of the vertices, 64 random bits each
+  std::uint32_t nFacets = 0;         // with the free ones
+  std::uint32_t pass = 0;
 };
 
-std::uint32_t InnerPolytope::newFacet() {
-  if (free_.empty()) {
-    facets_.emplace_back();
-    return static_cast<std::uint32_t>(facets_.size() - 1);
-  }
-  const std::uint32_t index = free_.back();
-  free_.pop_back();
-  return index;
+/// Room for so many facets.
+void Memory::reserve(std::size_t nFacetsWanted) {
+  if (nFacetsWanted <= facets.size()) return;
+  const std::size_t size = std::bit_ceil(std::max<std::size_t>(nFacetsWanted, 1024));
+  facets.resize(size);
+  distances.resize(size, HUGE_VAL);
+  free.resize(size);
+  seen.resize(size + 1);
+  horizon.resize(6 * size + 1);
 }
 
-void InnerPolytope::propose(std::uint32_t facet) {
-  nearest_.emplace_back(-facets_[facet].distance, facet);
-  std::push_heap(nearest_.begin(), nearest_.end());
+/// The expansion of one inner polytope by vectors of W doubles.
+template <int W>
+class InnerPolytope {
+ public:
+  InnerPolytope(Memory& memory, double radius, double planeTolerance)
+      : memory_(memory), planeTolerance_(planeTolerance * radius), epsilonTolerance_(kEpsilonTolerance * radius) {}
+
+  /// Radius of the largest ball about the origin in the hull of the columns; NaN when rounding stopped the expansion.
+  HANDHOLD_INLINE double expand(const WrenchMatrix& wrenches, const ForceClosureResult& closure);
+
+ private:
+  HANDHOLD_INLINE void start(const WrenchMatrix& wrenches, const ForceClosureResult& closure);
+  HANDHOLD_INLINE std::uint32_t nearestFacet() const;
+  HANDHOLD_INLINE bool insert(int column, std::uint32_t first, double upper);
+  HANDHOLD_INLINE void measure(std::uint32_t index, double limit);
+  HANDHOLD_INLINE void collectSeen(const Point& point, std::uint32_t first);
+  HANDHOLD_INLINE bool coverRidge(Place ridge, int column, double limit);
+  HANDHOLD_INLINE bool link(std::uint64_t key, Place place);
+  HANDHOLD_INLINE void prepareLinks();
+  HANDHOLD_INLINE std::uint32_t newFacet();
+  HANDHOLD_INLINE bool planesHold() const;
+  HANDHOLD_INLINE void setPoint(int vertex, const double* v);
+
+  Point center_ = {};  // c
+  Memory& memory_;
+  double planeTolerance_;    // [wrench], a point farther beyond a plane sees it
+  double epsilonTolerance_;  // [wrench]
+  std::size_t nFree_ = 0;
+  std::size_t nSeen_ = 0;
+  std::size_t nHorizon_ = 0;
+  std::size_t linkMask_ = 0;
+  int unpaired_ = 0;
+};
+
+template <int W>
+HANDHOLD_INLINE Lanes<W> lanesOf(const std::array<double, 8>& a) {
+  return Lanes<W>::load(a.data());
+}
+
+template <int W>
+std::uint32_t InnerPolytope<W>::newFacet() {
+  return nFree_ > 0 ? memory_.free[--nFree_] : memory_.nFacets++;
+}
+
+template <int W>
+void InnerPolytope<W>::setPoint(int vertex, const double* v) {
+  for (int k = 0; k < 6; ++k) memory_.points[vertex][k] = v[k] - center_[k];
+}
+
+/// |n|, and the distance (1 + n . c) / |n|. A facet beyond the limit is never the nearest one at the end.
+template <int W>
+void InnerPolytope<W>::measure(std::uint32_t index, double limit) {
+  Facet& facet = memory_.facets[index];
+  const Lanes<W> n = lanesOf<W>(facet.normal);
+  const auto isNormal = polar::laneNumbers<W>() <= Lanes<W>::all(5);
+  facet.norm = std::sqrt(sum(select(isNormal, n * n, Lanes<W>::all(0))));
+  const double distance = (1 + facet.normal[6]) / facet.norm;
+  memory_.distances[index] = distance <= limit ? distance : HUGE_VAL;
 }
 
 /// Seven facets of {six basis columns, w0}; w0 is vertex number n. Facet k misses corner k.
-void InnerPolytope::start(const WrenchMatrix& wrenches, const ForceClosureResult& closure) {
-  facets_.clear();
-  free_.clear();
-  nearest_.clear();
-  isVertex_.assign(wrenches.cols(), 0);
+template <int W>
+void InnerPolytope<W>::start(const WrenchMatrix& wrenches, const ForceClosureResult& closure) {
+  const int n = static_cast<int>(wrenches.cols());
   const RandomStream codes(0);
-  for (std::size_t vertex = codes_.size(); vertex <= isVertex_.size(); ++vertex) codes_.push_back(codes.bits(vertex));
+  while (memory_.codes.size() <= static_cast<std::size_t>(n)) {
+    memory_.codes.push_back(codes.bits(memory_.codes.size()));
+    memory_.points.push_back({});
+  }
+  memory_.isVertex.assign(n, 0);
+  std::fill_n(memory_.distances.begin(), memory_.nFacets, HUGE_VAL);  // of the last call
+  memory_.nFacets = 0;
   const Matrix6 basis = polar::basisColumns(wrenches, closure.basis);
-  center_ = (basis.rowwise().sum() + closure.interiorPoint) / 7;
-  const StartSimplex simplex = polar::startSimplex(basis.colwise() - center_, closure.interiorPoint - center_);
+  const Vector6 center = (basis.rowwise().sum() + closure.interiorPoint) / 7;
+  for (int k = 0; k < 6; ++k) center_[k] = center[k];
+  const StartSimplex simplex = polar::startSimplex(basis.colwise() - center, closure.interiorPoint - center);
+  setPoint(n, closure.interiorPoint.data());
+  for (const int column : closure.basis) {
+    memory_.isVertex[column] = 1;
+    setPoint(column, wrenches.col(column).data());
+  }
   for (int k = 0; k < 7; ++k) {
-    const std::uint32_t index = newFacet();
-    Facet& facet = facets_[index];
-    facet.normal = simplex.normals[k];
-    measure(facet);
+    Facet& facet = memory_.facets[newFacet()];
+    for (int i = 0; i < 6; ++i) facet.normal[i] = simplex.normals[k][i];
+    facet.normal[6] = simplex.normals[k].dot(center);
+    measure(static_cast<std::uint32_t>(k), HUGE_VAL);
     facet.alive = true;
     for (int corner = 0, side = 0; corner < 7; ++corner) {
       if (corner == k) continue;
-      facet.vertices[side] = static_cast<std::uint16_t>(corner < 6 ? closure.basis[corner] : wrenches.cols());
+      facet.vertices[side] = static_cast<std::uint16_t>(corner < 6 ? closure.basis[corner] : n);
       facet.neighbours[side++] = placeOf(static_cast<std::uint32_t>(corner), k < corner ? k : k - 1);
     }
-    propose(index);
   }
-  for (const int column : closure.basis) isVertex_[column] = 1;
 }
 
 /// The facet nearest to the origin; kNone when rounding left none.
-std::uint32_t InnerPolytope::nearestFacet() {
-  while (!nearest_.empty()) {
-    const auto [minusDistance, index] = nearest_.front();
-    if (facets_[index].alive && facets_[index].distance == -minusDistance) return index;
-    std::pop_heap(nearest_.begin(), nearest_.end());
-    nearest_.pop_back();
+template <int W>
+std::uint32_t InnerPolytope<W>::nearestFacet() const {
+  const Lanes<W> none = Lanes<W>::all(HUGE_VAL);
+  Lanes<W> best = none;
+  Lanes<W> bestBlock = Lanes<W>::all(0);
+  Lanes<W> block = bestBlock;
+  for (std::uint32_t i = 0; i < memory_.nFacets; i += 8) {
+    const Lanes<W> distance = Lanes<W>::load(memory_.distances.data() + i);
+    const auto nearer = best > distance;
+    best = select(nearer, distance, best);
+    bestBlock = select(nearer, block, bestBlock);
+    block = block + Lanes<W>::all(8);
   }
-  return kNone;
+  const double distance = least(best);
+  if (!(distance < HUGE_VAL)) return kNone;
+  const auto isBest = best == Lanes<W>::all(distance);
+  return static_cast<std::uint32_t>(least(select(isBest, bestBlock + polar::laneNumbers<W>(), none)));
 }
 
-void InnerPolytope::measure(Facet& facet) const {
-  facet.norm = facet.normal.norm();
-  facet.distance = (1 + facet.normal.dot(center_)) / facet.norm;
-}
-
-void InnerPolytope::lookFrom(const Vector6& point, Facet& facet) const {
-  facet.height = facet.normal.dot(point);
-  facet.seen = facet.height - 1 > planeTolerance_ * facet.norm;
-  facet.pass = pass_;
-}
-
-/// Facets seen from the point, by flood from one of them, and the ridges where seen meets hidden.
-void InnerPolytope::collectSeen(const Vector6& point, std::uint32_t first) {
-  seen_.assign(1, first);
-  horizon_.clear();
-  lookFrom(point, facets_[first]);
-  for (std::size_t i = 0; i < seen_.size(); ++i) {
-    const std::uint32_t index = seen_[i];
+/// Facets seen from the point, by flood from one of them, and the ridges where seen meets hidden. A facet is looked at
+/// from each of its seen neighbours, always with the same answer; the first time it joins the list.
+template <int W>
+void InnerPolytope<W>::collectSeen(const Point& point, std::uint32_t first) {
+  Facet* const facets = memory_.facets.data();
+  std::uint32_t* const seenList = memory_.seen.data();
+  Place* const horizon = memory_.horizon.data();
+  const Lanes<W> p = lanesOf<W>(point);
+  facets[first].height = sum(lanesOf<W>(facets[first].normal) * p);
+  facets[first].pass = memory_.pass;
+  seenList[0] = first;
+  nSeen_ = 1;
+  nHorizon_ = 0;
+  for (std::size_t i = 0; i < nSeen_; ++i) {
+    const std::uint32_t index = seenList[i];
     for (int side = 0; side < 6; ++side) {
-      const std::uint32_t across = facetOf(facets_[index].neighbours[side]);
-      Facet& neighbour = facets_[across];
-      if (neighbour.pass != pass_) {
-        lookFrom(point, neighbour);
-        if (neighbour.seen) seen_.push_back(across);
-      }
-      if (!neighbour.seen) horizon_.push_back(placeOf(index, side));
+      const std::uint32_t across = facetOf(facets[index].neighbours[side]);
+      Facet& neighbour = facets[across];
+      neighbour.height = sum(lanesOf<W>(neighbour.normal) * p);
+      const bool isSeen = neighbour.height - 1 > planeTolerance_ * neighbour.norm;
+      const bool isNew = neighbour.pass != memory_.pass;
+      neighbour.pass = memory_.pass;
+      seenList[nSeen_] = across;
+      nSeen_ += static_cast<std::size_t>(isSeen & isNew);
+      horizon[nHorizon_] = placeOf(index, side);
+      nHorizon_ += static_cast<std::size_t>(!isSeen);
     }
   }
 }
 
 /// Joins two new facets across the ridge of p and the four vertices in `key`; false when a third one has that ridge.
 /// Two ridges of one key, were it ever to happen, make a third one too.
-bool InnerPolytope::link(std::uint64_t key, Place place) {
-  const std::size_t mask = links_.size() - 1;
-  for (std::size_t slot = key & mask;; slot = (slot + 1) & mask) {
-    HalfLink& half = links_[slot];
-    if (half.pass != pass_) {
-      half = {key, pass_, place};
-      ++unpaired_;
-      return true;
-    }
-    if (half.key != key) continue;
-    if (half.place == kNone) return false;
-    facets_[facetOf(place)].neighbours[sideOf(place)] = half.place;
-    facets_[facetOf(half.place)].neighbours[sideOf(half.place)] = place;
-    half.place = kNone;
-    --unpaired_;
-    return true;
-  }
+template <int W>
+bool InnerPolytope<W>::link(std::uint64_t key, Place place) {
+  std::size_t slot = key & linkMask_;
+  while (memory_.links[slot].pass == memory_.pass && memory_.links[slot].key != key) slot = (slot + 1) & linkMask_;
+  HalfLink& half = memory_.links[slot];
+  const bool isSecond = half.pass == memory_.pass;
+  const Place other = isSecond ? half.place : place;  // the first waits beside itself
+  if (other == kNone) return false;
+  memory_.facets[facetOf(place)].neighbours[sideOf(place)] = other;
+  memory_.facets[facetOf(other)].neighbours[sideOf(other)] = place;
+  half = {key, memory_.pass, isSecond ? kNone : place};
+  unpaired_ += isSecond ? -1 : 1;
+  return true;
 }
 
 /// The facet through a ridge of the horizon and the new point. Its polar vertex lies on the edge from the hidden G to
 /// the seen V, where n . p = 1 (README.md, equation (9); p is taken from c):
 ///     n = n_G + alpha (n_V - n_G),   alpha = (1 - n_G . p) / (n_V . p - n_G . p) in [0, 1)
-bool InnerPolytope::coverRidge(Place ridge, int column, double upper) {
+template <int W>
+bool InnerPolytope<W>::coverRidge(Place ridge, int column, double limit) {
   const std::uint32_t index = newFacet();
-  Facet& facet = facets_[index];
-  const Facet& seen = facets_[facetOf(ridge)];
-  const int newSide = sideOf(ridge);  // p takes the place of the vertex that the ridge misses
-  const Place hiddenPlace = seen.neighbours[newSide];
-  Facet& hidden = facets_[facetOf(hiddenPlace)];
+  Facet& facet = memory_.facets[index];
+  const Facet& seen = memory_.facets[facetOf(ridge)];
+  const int missed = sideOf(ridge);
+  const Place hiddenPlace = seen.neighbours[missed];
+  Facet& hidden = memory_.facets[facetOf(hiddenPlace)];
   // A point that lies on the plane of G within the tolerance may be a little beyond it: G's plane is kept.
   const double below = std::max(0.0, 1 - hidden.height);
   const double alpha = below / (below + (seen.height - 1));
-  facet.normal = hidden.normal + alpha * (seen.normal - hidden.normal);
-  measure(facet);
+  const Lanes<W> g = lanesOf<W>(hidden.normal);
+  (g + (lanesOf<W>(seen.normal) - g) * alpha).store(facet.normal.data());
+  measure(index, limit);
   facet.pass = 0;
   facet.alive = true;
-  // A facet beyond the upper bound is never the nearest one at the end.
-  if (facet.distance <= upper + kEpsilonTolerance * radius_) propose(index);
 
-  facet.vertices = seen.vertices;
-  facet.vertices[newSide] = static_cast<std::uint16_t>(column);
-  facet.neighbours[newSide] = hiddenPlace;
-  hidden.neighbours[sideOf(hiddenPlace)] = placeOf(index, newSide);
-  std::uint64_t others = 0;
-  for (const std::uint16_t vertex : facet.vertices) others += codes_[vertex];
-  others -= codes_[column];
-  for (int side = 0; side < 6; ++side) {
-    if (side != newSide && !link(others - codes_[facet.vertices[side]], placeOf(index, side))) return false;
+  facet.vertices = seen.vertices;  // the last takes the place of the one that the ridge misses, p comes last
+  facet.vertices[missed] = facet.vertices[5];
+  facet.vertices[5] = static_cast<std::uint16_t>(column);
+  facet.neighbours[5] = hiddenPlace;
+  hidden.neighbours[sideOf(hiddenPlace)] = placeOf(index, 5);
+  std::uint64_t ridgeCode = 0;
+  for (int side = 0; side < 5; ++side) ridgeCode += memory_.codes[facet.vertices[side]];
+  for (int side = 0; side < 5; ++side) {
+    if (!link(ridgeCode - memory_.codes[facet.vertices[side]], placeOf(index, side))) return false;
   }
   return true;
 }
 
-/// Adds a point outside the facet `first`; false when rounding made the horizon no sphere.
-bool InnerPolytope::insert(const Vector6& point, int column, std::uint32_t first, double upper) {
-  if (++pass_ == 0) {  // once in 2^32 passes old marks could look new
-    for (HalfLink& half : links_) half.pass = 0;
-    for (Facet& facet : facets_) facet.pass = 0;
-    pass_ = 1;
-  }
-  isVertex_[column] = 1;
-  collectSeen(point, first);
-  const std::size_t slots = std::bit_ceil(std::max<std::size_t>(512, 8 * horizon_.size()));
-  if (links_.size() < slots) links_.assign(slots, {});
-  const std::size_t most = facets_.size() + horizon_.size();
-  if (most > kFacetLimit) return false;
-  if (most > facets_.capacity()) facets_.reserve(2 * most);  // references stay valid while ridges are covered
+template <int W>
+void InnerPolytope<W>::prepareLinks() {
+  // A ridge of the horizon brings 2.5 keys; a sparse table has few collisions, each of which costs a misprediction.
+  const std::size_t slots = std::bit_ceil(std::max<std::size_t>(2048, 32 * nHorizon_));
+  if (memory_.links.size() < slots) memory_.links.assign(slots, {});
+  linkMask_ = slots - 1;
   unpaired_ = 0;
-  for (const Place ridge : horizon_) {
-    if (!coverRidge(ridge, column, upper)) return false;
+}
+
+/// Adds a column outside the facet `first`; false when rounding made the horizon no sphere.
+template <int W>
+bool InnerPolytope<W>::insert(int column, std::uint32_t first, double upper) {
+  if (++memory_.pass == 0) {  // once in 2^32 passes old marks could look new
+    for (HalfLink& half : memory_.links) half.pass = 0;
+    for (Facet& facet : memory_.facets) facet.pass = 0;
+    memory_.pass = 1;
   }
-  for (const std::uint32_t index : seen_) {
-    facets_[index].alive = false;
-    free_.push_back(index);
+  memory_.isVertex[column] = 1;
+  collectSeen(memory_.points[column], first);
+  prepareLinks();
+  if (memory_.nFacets + nHorizon_ > kFacetLimit) return false;
+  memory_.reserve(memory_.nFacets + nHorizon_);  // references stay valid while ridges are covered
+  for (std::size_t i = 0; i < nHorizon_; ++i) {
+    if (!coverRidge(memory_.horizon[i], column, upper + epsilonTolerance_)) return false;
+  }
+  for (std::size_t i = 0; i < nSeen_; ++i) {
+    const std::uint32_t index = memory_.seen[i];
+    memory_.facets[index].alive = false;
+    memory_.distances[index] = HUGE_VAL;
+    memory_.free[nFree_++] = index;
   }
   return unpaired_ == 0;
 }
 
 /// Does each facet's plane pass through its six vertices still? Normals are sums over a chain of facets; a chain that
 /// began at a flat simplex may have lost digits.
-bool InnerPolytope::planesHold(const WrenchMatrix& wrenches, const Vector6& interiorPoint) const {
-  const double tolerance = 0.1 * kEpsilonTolerance * radius_;
-  for (const Facet& facet : facets_) {
+template <int W>
+bool InnerPolytope<W>::planesHold() const {
+  for (std::uint32_t i = 0; i < memory_.nFacets; ++i) {
+    const Facet& facet = memory_.facets[i];
     if (!facet.alive) continue;
+    const Lanes<W> n = lanesOf<W>(facet.normal);
     double worst = 0;
     for (const std::uint16_t vertex : facet.vertices) {
-      const Vector6 v = vertex < wrenches.cols() ? Vector6(wrenches.col(vertex)) : interiorPoint;
-      const double at = facet.normal.dot(v - center_);
-      worst = std::max(worst, std::abs(at - 1));
+      worst = std::max(worst, std::abs(sum(n * lanesOf<W>(memory_.points[vertex])) - 1));
     }
-    if (!(worst <= tolerance * facet.norm)) return false;
+    if (!(worst <= 0.1 * epsilonTolerance_ * facet.norm)) return false;
   }
   return true;
 }
 
-double InnerPolytope::expand(const WrenchMatrix& wrenches, const ForceClosureResult& closure, double radius,
-                             double planeTolerance) {
-  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-  planeTolerance_ = planeTolerance * radius;
-  radius_ = radius;
+template <int W>
+double InnerPolytope<W>::expand(const WrenchMatrix& wrenches, const ForceClosureResult& closure) {
+  const Columns columns = polar::packColumns(wrenches, memory_.columnBlocks);
+  memory_.reserve(7);
   start(wrenches, closure);
   double upper = HUGE_VAL;
   while (true) {
     const std::uint32_t nearest = nearestFacet();
     if (nearest == kNone) return kNaN;
-    const Facet& facet = facets_[nearest];
-    const Support support = polar::supportColumn(wrenches, facet.normal);
+    const Facet& facet = memory_.facets[nearest];
+    const Support support = polar::supportColumn<W>(columns, facet.normal.data());
     if (support.column < 0) return kNaN;
     upper = std::min(upper, support.value / facet.norm);
-    const Vector6 point = wrenches.col(support.column) - center_;
-    if (facet.normal.dot(point) - 1 <= planeTolerance_ * facet.norm) {
-      return facet.distance > 0 && planesHold(wrenches, closure.interiorPoint) ? facet.distance : kNaN;
+    if (support.value - facet.normal[6] - 1 <= planeTolerance_ * facet.norm) {
+      const double distance = memory_.distances[nearest];
+      return distance > 0 && planesHold() ? distance : kNaN;
     }
-    if (isVertex_[support.column]) return kNaN;  // a vertex beyond its own polytope
-    if (!insert(point, support.column, nearest, upper)) return kNaN;
+    if (memory_.isVertex[support.column]) return kNaN;  // a vertex beyond its own polytope
+    setPoint(support.column, wrenches.col(support.column).data());
+    if (!insert(support.column, nearest, upper)) return kNaN;
   }
+}
+
+double expandBaseline(Memory& memory, const WrenchMatrix& wrenches, const ForceClosureResult& closure, double radius,
+                      double planeTolerance) {
+  return InnerPolytope<2>(memory, radius, planeTolerance).expand(wrenches, closure);
+}
+#ifdef __x86_64__
+[[gnu::target("avx2")]] double expandAvx2(Memory& memory, const WrenchMatrix& wrenches,
+                                          const ForceClosureResult& closure, double radius, double planeTolerance) {
+  return InnerPolytope<4>(memory, radius, planeTolerance).expand(wrenches, closure);
+}
+[[gnu::target("avx512f,avx512dq,avx512vl")]] double expandAvx512(Memory& memory, const WrenchMatrix& wrenches,
+                                                                 const ForceClosureResult& closure, double radius,
+                                                                 double planeTolerance) {
+  return InnerPolytope<8>(memory, radius, planeTolerance).expand(wrenches, closure);
+}
+#endif
+
+double expanded(InstructionSet set, const WrenchMatrix& wrenches, const ForceClosureResult& closure, double radius,
+                double planeTolerance) {
+  thread_local Memory memory;
+#ifdef __x86_64__
+  if (set == InstructionSet::avx512) return expandAvx512(memory, wrenches, closure, radius, planeTolerance);
+  if (set == InstructionSet::avx2) return expandAvx2(memory, wrenches, closure, radius, planeTolerance);
+#endif
+  return expandBaseline(memory, wrenches, closure, radius, planeTolerance);
 }
 
 /// The columns in another order, each moved a little: another start simplex, and no two facets in one plane.
@@ -305,7 +401,8 @@ WrenchMatrix shiftedWrenches(const WrenchMatrix& wrenches, double radius, int at
   WrenchMatrix shifted(6, n);
   for (int j = 0; j < n; ++j) {
     for (int k = 0; k < 6; ++k) {
-      const double shift = kShift * radius * (2 * stream.uniform(static_cast<std::uint64_t>(6 * j + k)) - 1);
+      const double shift =
+          kShift * radius * (2 * stream.uniform(6 * static_cast<std::uint64_t>(j) + static_cast<std::uint64_t>(k)) - 1);
       shifted(k, (j + attempt * n / kTries) % n) = wrenches(k, j) + shift;
     }
   }
@@ -314,19 +411,21 @@ WrenchMatrix shiftedWrenches(const WrenchMatrix& wrenches, double radius, int at
 
 }  // namespace
 
-double epsilonMetric(const WrenchMatrix& wrenches, const ForceClosureResult& closure) {
-  thread_local InnerPolytope polytope;
-  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+double polar::epsilonMetric(const WrenchMatrix& wrenches, const ForceClosureResult& closure, InstructionSet set) {
   const double radius = polar::wrenchRadius(wrenches);
   if (closure.verdict != ForceClosure::closed || !std::isfinite(radius) || wrenches.cols() > kColumnLimit) return kNaN;
-  double epsilon = polytope.expand(wrenches, closure, radius, kPlaneTolerance);
+  double epsilon = expanded(set, wrenches, closure, radius, kPlaneTolerance);
   for (int attempt = 1; attempt < kTries && std::isnan(epsilon); ++attempt) {
     const WrenchMatrix shifted = shiftedWrenches(wrenches, radius, attempt);
-    const ForceClosureResult shiftedClosure = testForceClosure(shifted);
+    const ForceClosureResult shiftedClosure = polar::testForceClosure(shifted, set);
     if (shiftedClosure.verdict != ForceClosure::closed) continue;
-    epsilon = polytope.expand(shifted, shiftedClosure, radius, kShiftedPlaneTolerance);
+    epsilon = expanded(set, shifted, shiftedClosure, radius, kShiftedPlaneTolerance);
   }
   return epsilon;
+}
+
+double epsilonMetric(const WrenchMatrix& wrenches, const ForceClosureResult& closure) {
+  return polar::epsilonMetric(wrenches, closure, polar::instructionSet());
 }
 
 }  // namespace handhold

@@ -62,7 +62,8 @@ struct ForceClosureResult {
 /// Both verdicts are checked against the columns before they are returned. A set whose epsilon lies in
 /// (0, kSeparationTolerance R] may be called notClosed. A column that is not finite, or a balance that rounding spoils,
 /// is `failed`, never notClosed.
-/// @note Const, no allocation; safe from many threads.
+/// @note Const; safe from many threads: scratch is thread_local and keeps its memory, so that no call allocates once
+///       the thread has seen a set of this size. The same bits on every instruction set.
 /// Source: src/quality/README.md, equations (2) to (5).
 ForceClosureResult testForceClosure(const WrenchMatrix& wrenches);
 
@@ -73,6 +74,7 @@ ForceClosureResult testForceClosure(const WrenchMatrix& wrenches);
 /// @return the radius, within kEpsilonTolerance R; NaN when rounding stopped the expansion (never a guess)
 /// @note Safe from many threads: scratch is thread_local and keeps its memory, so that no call allocates once the
 ///       thread has seen a set of this size; only a further try, after rounding stopped the first, copies the columns.
+///       The same bits on every instruction set.
 /// Source: src/quality/README.md, equations (6) to (9).
 double epsilonMetric(const WrenchMatrix& wrenches, const ForceClosureResult& closure);
 

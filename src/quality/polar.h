@@ -14,24 +14,6 @@ namespace handhold::polar {
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-/// A column and how far it reaches along a direction.
-struct Support {
-  int column = -1;
-  double value = -HUGE_VAL;
-};
-
-/// The column that reaches farthest along d, the lowest index among equals.
-inline Support supportColumn(const WrenchMatrix& wrenches, const Vector6& d) {
-  Support best;
-  const double* w = wrenches.data();
-  const int n = static_cast<int>(wrenches.cols());
-  for (int j = 0; j < n; ++j, w += 6) {
-    const double value = (w[0] * d[0] + w[1] * d[1]) + (w[2] * d[2] + w[3] * d[3]) + (w[4] * d[4] + w[5] * d[5]);
-    if (value > best.value) best = {j, value};
-  }
-  return best;
-}
-
 /// R = max |w|, the unit of every distance in wrench space; not finite when a column is not.
 inline double wrenchRadius(const WrenchMatrix& wrenches) {
   double largest = 0;

@@ -3,14 +3,38 @@
 #include "quality/references.h"
 #include "support/random_contacts.h"
 
+#include <atomic>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
+#include <new>
 #include <string>
 #include <vector>
 
 #include <Eigen/QR>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+namespace {
+std::atomic<long> nAllocations = 0;
+}  // namespace
+
+// Counts what this program takes from the heap by `new`, as every std::vector does.
+[[gnu::noinline]] void* operator new(std::size_t size) {
+  ++nAllocations;
+  if (void* memory = std::malloc(size)) return memory;
+  throw std::bad_alloc();
+}
+[[gnu::noinline]] void* operator new(std::size_t size, std::align_val_t alignment) {
+  ++nAllocations;
+  const std::size_t step = static_cast<std::size_t>(alignment);
+  if (void* memory = std::aligned_alloc(step, (size + step - 1) / step * step)) return memory;
+  throw std::bad_alloc();
+}
+[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
+[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+[[gnu::noinline]] void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
+[[gnu::noinline]] void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
 
 namespace handhold {
 namespace {
@@ -225,6 +249,25 @@ TEST(EpsilonProperty, InvariantUnderRotationOrderAndUnit) {
     EXPECT_NEAR(epsilon(1e6 * w) * 1e-6, value, kRoundingTol);
     EXPECT_NEAR(epsilon(w.replicate(1, 2)), value, kRoundingTol);
   }
+}
+
+// A thread that has seen the sizes before takes no more memory.
+TEST(EpsilonProperty, SecondPassAllocatesNothing) {
+  std::vector<WrenchMatrix> sets;
+  for (int seed = 0; seed < 60; ++seed) sets.push_back(wrenchesOf(randomContacts(seed, 3 + seed % 6, 0.3), 0.5));
+  double sum[2] = {0, 0};
+  for (int pass = 0; pass < 2; ++pass) {
+    const long before = nAllocations;
+    for (const WrenchMatrix& w : sets) {
+      const ForceClosureResult closure = testForceClosure(w);
+      if (closure.verdict == ForceClosure::closed) sum[pass] += epsilonMetric(w, closure);
+    }
+    if (pass == 1) {
+      EXPECT_EQ(nAllocations - before, 0);
+    }
+  }
+  EXPECT_GT(sum[0], 1);
+  EXPECT_EQ(sum[0], sum[1]);
 }
 
 // A hull only grows with more points, and a point inside changes nothing.

@@ -1,10 +1,14 @@
 #include "quality/force_closure.h"
 
+#include "quality/columns.h"
 #include "quality/proof.h"
 #include "quality/references.h"
 #include "support/random_contacts.h"
 
+#include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <numbers>
 #include <string>
@@ -35,6 +39,10 @@ std::vector<Contact> ring(int nContacts) {
 
 WrenchMatrix wrenchesOf(const std::vector<Contact>& contacts, double friction = 0.4, int coneEdges = 8) {
   return frictionConeWrenches(contacts, {{0, 0, 0}, 1, friction, coneEdges});
+}
+
+std::array<std::uint64_t, 6> bits(const Eigen::Matrix<double, 6, 1>& v) {
+  return std::bit_cast<std::array<std::uint64_t, 6>>(std::array{v[0], v[1], v[2], v[3], v[4], v[5]});
 }
 
 // Two opposed point contacts cannot resist a torque about the line between them.
@@ -155,6 +163,54 @@ TEST(ForceClosureProperty, RotationAndScaleChangeNothing) {
     EXPECT_EQ(provedVerdict(1e12 * w), verdict);
     EXPECT_EQ(provedVerdict(w.rowwise().reverse()), verdict);
   }
+}
+
+// Among equal columns the first one enters: padding and copies behind it are never named.
+TEST(ForceClosureProperty, CopiesAreNeverInTheBasis) {
+  for (int seed = 0; seed < 200; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const WrenchMatrix w = wrenchesOf(randomContacts(seed, 5, 0.3), 0.5, 3 + seed % 6);
+    const ForceClosureResult result = testForceClosure(w.replicate(1, 3));
+    if (result.verdict != ForceClosure::closed) continue;
+    for (const int column : result.basis) EXPECT_LT(column, w.cols());
+  }
+}
+
+/// Closed, open, flat, duplicated and badly scaled sets, of every number of columns up to 8 x 8.
+WrenchMatrix variedWrenches(int seed) {
+  const int nContacts = 1 + seed % 8;
+  WrenchMatrix w = wrenchesOf(randomContacts(seed, nContacts, 0.1 * (seed % 5)), 0.1 * (seed % 7), 3 + seed / 8 % 6);
+  if (seed % 11 == 0) w.rightCols(w.cols() / 2) = w.leftCols(w.cols() / 2).eval();
+  if (seed % 13 == 0) w.row(seed % 6) *= 1e-9;
+  if (seed % 17 == 0) w.row(seed % 6).setZero();
+  if (seed % 19 == 0) w *= std::pow(10.0, seed % 60 - 30);
+  return w;
+}
+
+// One binary, equal datasets on every machine: each instruction set that this machine has gives the same bits.
+TEST(InstructionSets, GiveEqualBitsOnTenThousandSets) {
+  using polar::InstructionSet;
+  int nClosed = 0;
+  for (int seed = 0; seed < 10000; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const WrenchMatrix w = variedWrenches(seed);
+    const ForceClosureResult baseline = polar::testForceClosure(w, InstructionSet::baseline);
+    const double epsilon = polar::epsilonMetric(w, baseline, InstructionSet::baseline);
+    nClosed += baseline.verdict == ForceClosure::closed;
+    for (const InstructionSet set : {InstructionSet::avx2, InstructionSet::avx512}) {
+      if (set > polar::instructionSet()) continue;
+      const ForceClosureResult result = polar::testForceClosure(w, set);
+      ASSERT_EQ(result.verdict, baseline.verdict) << polar::name(set);
+      ASSERT_EQ(result.basis, baseline.basis) << polar::name(set);
+      ASSERT_EQ(bits(result.interiorPoint), bits(baseline.interiorPoint)) << polar::name(set);
+      ASSERT_EQ(bits(result.separatingDirection), bits(baseline.separatingDirection)) << polar::name(set);
+      ASSERT_EQ(std::bit_cast<std::uint64_t>(polar::epsilonMetric(w, result, set)),
+                std::bit_cast<std::uint64_t>(epsilon))
+          << polar::name(set);
+    }
+  }
+  EXPECT_GT(nClosed, 2000);
+  EXPECT_LT(nClosed, 8000);
 }
 
 // The definition in DESIGN.md: rank W = 6 and max t > 0.

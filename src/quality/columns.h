@@ -1,0 +1,96 @@
+#pragma once
+
+#include "quality/force_closure.h"
+#include "quality/lanes.h"
+
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include <Eigen/Core>
+
+// The wrenches as a structure of arrays, eight columns a block; no other library includes it.
+namespace handhold::polar {
+
+using lanes::Lanes;
+
+/// Instruction sets that the kernels are compiled for, by the doubles in a vector. All give equal bits.
+enum class InstructionSet : unsigned char { baseline, avx2, avx512 };
+
+/// The best one that this machine has.
+InstructionSet instructionSet();
+const char* name(InstructionSet set);
+
+/// testForceClosure and epsilonMetric by a chosen instruction set, which the machine must have.
+ForceClosureResult testForceClosure(const WrenchMatrix& wrenches, InstructionSet set);
+double epsilonMetric(const WrenchMatrix& wrenches, const ForceClosureResult& closure, InstructionSet set);
+
+struct alignas(64) ColumnBlock {
+  std::array<std::array<double, 8>, 6> w;  // [k][l]: coordinate k of column 8 b + l
+};
+
+/// The columns; the last block is filled up with column 0.
+struct Columns {
+  const ColumnBlock* blocks;
+  int nBlocks;
+  int n;
+};
+
+/// A column and how far it reaches along a direction.
+struct Support {
+  int column = -1;
+  double value = -HUGE_VAL;
+};
+
+template <int W>
+HANDHOLD_INLINE Lanes<W> laneNumbers() {
+  alignas(64) constexpr std::array<double, 8> kNumbers = {0, 1, 2, 3, 4, 5, 6, 7};
+  return Lanes<W>::load(kNumbers.data());
+}
+
+/// Copies into scratch, which keeps its memory.
+HANDHOLD_INLINE Columns packColumns(const WrenchMatrix& wrenches, std::vector<ColumnBlock>& scratch) {
+  const int n = static_cast<int>(wrenches.cols());
+  const int nBlocks = (n + 7) / 8;
+  if (scratch.size() < static_cast<std::size_t>(nBlocks)) scratch.resize(static_cast<std::size_t>(nBlocks));
+  const double* from = wrenches.data();
+  for (int b = 0; b < n / 8; ++b, from += 48) {
+    for (int k = 0; k < 6; ++k) {
+      for (int l = 0; l < 8; ++l) scratch[b].w[k][l] = from[6 * l + k];
+    }
+  }
+  for (int j = n / 8 * 8; j < 8 * nBlocks; ++j) {
+    for (int k = 0; k < 6; ++k) scratch[j / 8].w[k][j % 8] = wrenches(k, j < n ? j : 0);
+  }
+  return {scratch.data(), nBlocks, n};
+}
+
+template <int W>
+HANDHOLD_INLINE Lanes<W> coordinate(const ColumnBlock& block, int k) {
+  return Lanes<W>::load(block.w[k].data());
+}
+
+/// The column that reaches farthest along d, the lowest index among equals; none when no product is a number.
+template <int W>
+HANDHOLD_INLINE Support supportColumn(const Columns& columns, const double* d) {
+  Lanes<W> best = Lanes<W>::all(-HUGE_VAL);
+  Lanes<W> bestBlock = Lanes<W>::all(0);
+  Lanes<W> block = Lanes<W>::all(0);
+  for (int b = 0; b < columns.nBlocks; ++b) {
+    const ColumnBlock& w = columns.blocks[b];
+    const Lanes<W> value = ((coordinate<W>(w, 0) * d[0] + coordinate<W>(w, 1) * d[1]) +
+                            (coordinate<W>(w, 2) * d[2] + coordinate<W>(w, 3) * d[3])) +
+                           (coordinate<W>(w, 4) * d[4] + coordinate<W>(w, 5) * d[5]);
+    const auto better = value > best;
+    best = select(better, value, best);
+    bestBlock = select(better, block, bestBlock);
+    block = block + Lanes<W>::all(1);
+  }
+  const double value = largest(best);
+  if (value == -HUGE_VAL) return {};
+  const Lanes<W> index = bestBlock * 8.0 + laneNumbers<W>();
+  const auto isBest = best == Lanes<W>::all(value);
+  return {static_cast<int>(least(select(isBest, index, Lanes<W>::all(HUGE_VAL)))), value};
+}
+
+}  // namespace handhold::polar

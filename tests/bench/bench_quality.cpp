@@ -1,0 +1,363 @@
+// Times force closure and epsilon against GLPK, CLP and Qhull on the same contact sets, in one run.
+//
+//     bench_quality [--json] [--quick]
+//
+// Every call gets another instance: a repeated one trains the branch predictor and looks three times as fast.
+#include "quality/columns.h"
+#include "quality/force_closure.h"
+#include "quality/references.h"
+#include "support/random_contacts.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <numbers>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <coin/Clp_C_Interface.h>
+#include <fmt/core.h>
+#include <nlohmann/json.hpp>
+
+namespace handhold {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr int kConeEdges = 8;
+constexpr double kFriction = 0.5;
+constexpr double kLpMargin = 1e-10;  // a weight of the balance; the LP solvers stop at 1e-9 and a closed set has more
+
+double microsecondsNow() {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  return std::chrono::duration<double, std::micro>(now).count();
+}
+
+/// A hand about a bottle, lying in metres: three fingers and a palm, each with a patch of contacts whose normals differ
+/// little, as the contacts of one link do.
+std::vector<Contact> graspLikeContacts(std::uint64_t seed, int nContacts) {
+  constexpr double kAzimuthDegrees[] = {90, 235, 305, 270};  // thumb, two fingers, palm
+  constexpr double kRadius = 0.035;
+  const RandomStream stream = RandomStream(seed).child(static_cast<std::uint64_t>(nContacts));
+  std::vector<Contact> contacts;
+  for (int i = 0; i < nContacts; ++i) {
+    const int link = i % 4;
+    const std::uint64_t ofLink = 2 * static_cast<std::uint64_t>(link);
+    const std::uint64_t own = 8 + 4 * static_cast<std::uint64_t>(i);
+    const double degrees = kAzimuthDegrees[link] + 40 * (stream.uniform(ofLink) - 0.5) + 15 * stream.uniform(own);
+    const double height = 0.06 * (stream.uniform(ofLink + 1) - 0.5) + 0.02 * (stream.uniform(own + 1) - 0.5);
+    const double angle = degrees * std::numbers::pi / 180;
+    const Eigen::Vector3d outward(std::cos(angle), std::sin(angle), 0);
+    const Eigen::Vector3d inward = -outward + 0.1 * testing::randomUnitVector(stream, own + 2);
+    contacts.push_back({kRadius * outward + height * Eigen::Vector3d::UnitZ(), inward.normalized(), 0});
+  }
+  return contacts;
+}
+
+struct Family {
+  const char* name;
+  bool graspLike;
+};
+constexpr Family kFamilies[] = {{"random", false}, {"grasp-like", true}};
+
+WrenchMatrix instance(const Family& family, int nContacts, std::uint64_t seed) {
+  if (family.graspLike) {
+    return frictionConeWrenches(graspLikeContacts(seed, nContacts), {{0, 0, 0}, 0.09, kFriction, kConeEdges});
+  }
+  return frictionConeWrenches(testing::randomContacts(seed, nContacts, 0.3), {{0, 0, 0}, 1, kFriction, kConeEdges});
+}
+
+/// The linear program of glpkMargin by CLP. Its scaling is off: with it, entries of 1e-17 in a wrench give a wrong
+/// optimum that is reported as optimal.
+class ClpMargin {
+ public:
+  ClpMargin() : model_(Clp_newModel()) {
+    Clp_setLogLevel(model_, 0);
+    Clp_scaling(model_, 0);
+    Clp_setOptimizationDirection(model_, -1);
+  }
+  ~ClpMargin() { Clp_deleteModel(model_); }
+  ClpMargin(const ClpMargin&) = delete;
+  ClpMargin& operator=(const ClpMargin&) = delete;
+
+  double operator()(const WrenchMatrix& wrenches) {
+    const int n = static_cast<int>(wrenches.cols());
+    starts_.clear();
+    rows_.clear();
+    values_.clear();
+    const Eigen::Matrix<double, 6, 1> sum = wrenches.rowwise().sum();
+    for (int j = 0; j <= n; ++j) {
+      starts_.push_back(7 * j);
+      for (int k = 0; k < 7; ++k) rows_.push_back(k);
+      for (int k = 0; k < 6; ++k) values_.push_back(j < n ? wrenches(k, j) : sum[k]);
+      values_.push_back(j < n ? 1 : n);
+    }
+    starts_.push_back(7 * (n + 1));
+    lower_.assign(n + 1, 0);
+    lower_[n] = -HUGE_VAL;
+    upper_.assign(n + 1, HUGE_VAL);
+    cost_.assign(n + 1, 0);
+    cost_[n] = 1;
+    const double rhs[7] = {0, 0, 0, 0, 0, 0, 1};
+    Clp_loadProblem(model_, n + 1, 7, starts_.data(), rows_.data(), values_.data(), lower_.data(), upper_.data(),
+                    cost_.data(), rhs, rhs);
+    Clp_primal(model_, 0);
+    if (Clp_status(model_) == 0) return Clp_objectiveValue(model_);
+    return Clp_status(model_) == 1 ? -HUGE_VAL : std::nan("");
+  }
+
+ private:
+  Clp_Simplex* model_;
+  std::vector<CoinBigIndex> starts_;
+  std::vector<int> rows_;
+  std::vector<double> values_, lower_, upper_, cost_;
+};
+
+/// Times of single calls in repeats; each repeat has instances of its own.
+class Timings {
+ public:
+  void startRepeat() { repeats_.emplace_back(); }
+  void add(double microseconds) { repeats_.back().push_back(microseconds); }
+  double median() const { return quantile(all(), 0.5); }
+
+  ordered_json json() const {
+    std::vector<double> medians;
+    for (const auto& repeat : repeats_) {
+      if (!repeat.empty()) medians.push_back(quantile(repeat, 0.5));
+    }
+    if (medians.empty()) return nullptr;
+    const auto [least, most] = std::minmax_element(medians.begin(), medians.end());
+    return {{"median_us", median()},     {"p90_us", quantile(all(), 0.9)}, {"calls", all().size()},
+            {"repeats", medians.size()}, {"median_min_us", *least},        {"median_max_us", *most}};
+  }
+
+ private:
+  static double quantile(std::vector<double> values, double q) {
+    if (values.empty()) return std::nan("");
+    const auto at = values.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
+    std::nth_element(values.begin(), at, values.end());
+    return *at;
+  }
+  std::vector<double> all() const {
+    std::vector<double> values;
+    for (const auto& repeat : repeats_) values.insert(values.end(), repeat.begin(), repeat.end());
+    return values;
+  }
+
+  std::vector<std::vector<double>> repeats_;
+};
+
+/// The value of a call; its time goes to the timings.
+template <class Call>
+auto timed(Timings& timings, const Call& call) {
+  const double before = microsecondsNow();
+  const auto value = call();
+  timings.add(microsecondsNow() - before);
+  return value;
+}
+
+struct Sizes {
+  int repeats = 5;
+  int forceClosure = 2000;  // instances a repeat
+  int linearPrograms = 200;
+  int epsilon = 300;
+  double qhullBudget = 200;  // wrenches squared / 1000 a repeat: 50, 12 and 3 sets at 8, 16 and 32 contacts
+};
+
+/// Our verdict and its time, on many instances; then the time of epsilon where it is closed.
+ordered_json benchOurs(const Family& family, int nContacts, const Sizes& sizes, Timings& closure, Timings& epsilon) {
+  Timings closedOnly;
+  long nClosed = 0, nFailed = 0, nNan = 0;
+  for (int repeat = 0; repeat < sizes.repeats; ++repeat) {
+    closure.startRepeat();
+    closedOnly.startRepeat();
+    epsilon.startRepeat();
+    int nEpsilon = 0;
+    for (int i = 0; i < sizes.forceClosure; ++i) {
+      const WrenchMatrix w = instance(family, nContacts, static_cast<std::uint64_t>(repeat) << 32 | i);
+      const double before = microsecondsNow();
+      const ForceClosureResult result = testForceClosure(w);
+      const double microseconds = microsecondsNow() - before;
+      closure.add(microseconds);
+      nFailed += result.verdict == ForceClosure::failed;
+      if (result.verdict != ForceClosure::closed) continue;
+      closedOnly.add(microseconds);
+      ++nClosed;
+      if (nEpsilon++ < sizes.epsilon) nNan += std::isnan(timed(epsilon, [&] { return epsilonMetric(w, result); }));
+    }
+  }
+  const double share = static_cast<double>(nClosed) / (sizes.repeats * sizes.forceClosure);
+  return {{"closed_share", share},
+          {"verdicts_failed", nFailed},
+          {"epsilon_nan", nNan},
+          {"force_closure", closure.json()},
+          {"force_closure_closed", closedOnly.json()},
+          {"epsilon", epsilon.json()}};
+}
+
+/// The same question to two linear program solvers; verdicts are compared.
+ordered_json benchLinearPrograms(const Family& family, int nContacts, const Sizes& sizes, double ourMedian) {
+  Timings glpk, clp;
+  ClpMargin clpMargin;
+  long nSets = 0, glpkAgrees = 0, clpAgrees = 0;
+  for (int repeat = 0; repeat < sizes.repeats; ++repeat) {
+    glpk.startRepeat();
+    clp.startRepeat();
+    for (int i = 0; i < sizes.linearPrograms; ++i) {
+      const WrenchMatrix w = instance(family, nContacts, static_cast<std::uint64_t>(repeat + 100) << 32 | i);
+      const bool closed = testForceClosure(w).verdict == ForceClosure::closed;
+      const double byGlpk = timed(glpk, [&] { return testing::glpkMargin(w); });
+      const double byClp = timed(clp, [&] { return clpMargin(w); });
+      const bool fullRank = testing::hasFullRank(w);
+      ++nSets;
+      glpkAgrees += closed == (fullRank && byGlpk > kLpMargin);
+      clpAgrees += closed == (fullRank && byClp > kLpMargin);
+    }
+  }
+  return {{"sets", nSets},
+          {"glpk", glpk.json()},
+          {"glpk_agrees", glpkAgrees},
+          {"glpk_ratio", glpk.median() / ourMedian},
+          {"clp", clp.json()},
+          {"clp_agrees", clpAgrees},
+          {"clp_ratio", clp.median() / ourMedian}};
+}
+
+/// Qhull builds the whole hull; our value on the same set is timed beside it.
+ordered_json benchQhull(const Family& family, int nContacts, const Sizes& sizes) {
+  Timings qhull, ours;
+  double worst = 0;
+  long nSets = 0, nRefused = 0;
+  const double wrenches = nContacts * kConeEdges;
+  const int setsPerRepeat = std::clamp(static_cast<int>(sizes.qhullBudget * 1000 / (wrenches * wrenches)), 2, 60);
+  for (int repeat = 0; repeat < sizes.repeats; ++repeat) {
+    qhull.startRepeat();
+    ours.startRepeat();
+    int sets = 0;
+    for (int i = 0; sets < setsPerRepeat && i < 50 * setsPerRepeat; ++i) {
+      const WrenchMatrix w = instance(family, nContacts, static_cast<std::uint64_t>(repeat + 200) << 32 | i);
+      const ForceClosureResult closure = testForceClosure(w);
+      if (closure.verdict != ForceClosure::closed) continue;
+      ++sets;
+      const double value = timed(ours, [&] { return epsilonMetric(w, closure); });
+      const double reference = timed(qhull, [&] { return testing::qhullEpsilon(w); });
+      nRefused += std::isnan(reference);
+      if (!std::isnan(reference)) worst = std::fmax(worst, std::abs(value - reference));
+    }
+    nSets += sets;
+  }
+  return {{"sets", nSets},
+          {"qhull", qhull.json()},
+          {"epsilon_beside_qhull", ours.json()},
+          {"qhull_ratio", qhull.median() / ours.median()},
+          {"largest_difference", worst},
+          {"qhull_refused", nRefused}};
+}
+
+std::string cpuModel() {
+  std::ifstream file("/proc/cpuinfo");
+  for (std::string line; std::getline(file, line);) {
+    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
+  }
+  return "unknown";
+}
+
+/// Median cost of reading the clock twice; part of every time.
+double clockCost() {
+  Timings empty;
+  empty.startRepeat();
+  for (int i = 0; i < 2000; ++i) timed(empty, [] { return 0; });
+  return empty.median();
+}
+
+ordered_json machine(const Sizes& sizes) {
+  return {{"cpu", cpuModel()},
+          {"instruction_set", polar::name(polar::instructionSet())},
+          {"compiler", __VERSION__},
+          {"build_type", HANDHOLD_BUILD_TYPE},
+          {"threads", 1},
+          {"clock_us", clockCost()},
+          {"cone_edges", kConeEdges},
+          {"friction", kFriction},
+          {"repeats", sizes.repeats}};
+}
+
+ordered_json benchOne(const Family& family, int nContacts, const Sizes& sizes) {
+  Timings closure, epsilon;
+  ordered_json result = {{"sets", family.name}, {"contacts", nContacts}};
+  result["ours"] = benchOurs(family, nContacts, sizes, closure, epsilon);
+  result["linear_programs"] = benchLinearPrograms(family, nContacts, sizes, closure.median());
+  result["hull"] = benchQhull(family, nContacts, sizes);
+  return result;
+}
+
+std::string cell(const ordered_json& timing) {
+  if (timing.is_null()) return "-";
+  return fmt::format("{:.2f} ({:.2f})", timing["median_us"].get<double>(), timing["p90_us"].get<double>());
+}
+
+/// Largest spread of the medians of repeats, relative to the median of all.
+double spread(const ordered_json& report, const char* timing) {
+  double worst = 0;
+  for (const ordered_json& row : report["results"]) {
+    const ordered_json& t = row["ours"][timing];
+    if (t.is_null()) continue;
+    const double range = t["median_max_us"].get<double>() - t["median_min_us"].get<double>();
+    worst = std::fmax(worst, range / t["median_us"].get<double>());
+  }
+  return worst;
+}
+
+void printTable(const ordered_json& report) {
+  fmt::print("{}\n", report["machine"].dump());
+  fmt::print("us a call: median (p90) over different instances. FC: force closure; agree: verdicts equal to ours\n\n");
+  fmt::print("{:10} {:>3} {:>7} {:>14} {:>14} {:>17} {:>17} {:>9} {:>13} {:>16} {:>18} {:>6} {:>8}\n", "sets", "n",
+             "closed", "FC", "FC closed", "GLPK", "CLP", "agree", "ratios", "epsilon", "Qhull", "ratio", "differ");
+  for (const ordered_json& row : report["results"]) {
+    const ordered_json &ours = row["ours"], &lp = row["linear_programs"], &hull = row["hull"];
+    fmt::print(
+        "{:10} {:>3} {:>6.1f}% {:>14} {:>14} {:>17} {:>17} {:>4}/{:<4} {:>6.0f} {:>6.0f} {:>16} {:>18} {:>6.0f} "
+        "{:>8.0e}\n",
+        row["sets"].get<std::string>(), row["contacts"].get<int>(), 100 * ours["closed_share"].get<double>(),
+        cell(ours["force_closure"]), cell(ours["force_closure_closed"]), cell(lp["glpk"]), cell(lp["clp"]),
+        std::min(lp["glpk_agrees"].get<long>(), lp["clp_agrees"].get<long>()), lp["sets"].get<long>(),
+        lp["glpk_ratio"].get<double>(), lp["clp_ratio"].get<double>(), cell(ours["epsilon"]), cell(hull["qhull"]),
+        hull["qhull_ratio"].get<double>(), hull["largest_difference"].get<double>());
+  }
+  fmt::print("\nmedians of single repeats spread over {:.0f} % (FC) and {:.0f} % (epsilon) at most\n",
+             100 * spread(report, "force_closure"), 100 * spread(report, "epsilon"));
+}
+
+int run(int argc, char** argv) {
+  bool asJson = false;
+  Sizes sizes;
+  for (int i = 1; i < argc; ++i) {
+    const std::string_view option = argv[i];
+    if (option == "--json") {
+      asJson = true;
+    } else if (option == "--quick") {
+      sizes = {3, 500, 20, 100, 30};
+    } else {
+      fmt::print(stderr, "usage: bench_quality [--json] [--quick]\n");
+      return 2;
+    }
+  }
+  ordered_json report = {{"machine", machine(sizes)}, {"results", ordered_json::array()}};
+  for (const Family& family : kFamilies) {
+    for (const int nContacts : {4, 8, 16, 32}) report["results"].push_back(benchOne(family, nContacts, sizes));
+  }
+  if (asJson) {
+    fmt::print("{}\n", report.dump(2));
+  } else {
+    printTable(report);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace handhold
+
+int main(int argc, char** argv) { return handhold::run(argc, argv); }
