@@ -22,7 +22,7 @@ struct HandJoint {
   Eigen::Vector3d axis = Eigen::Vector3d::UnitX();  // unit, in J
   double lower = 0, upper = 0;                      // rad or m
   double effort = 0;                                // N m or N, 0 when the URDF gives none
-  int mimicOf = -1;                                 // index of the joint followed, -1 when independent
+  int mimicOf = -1;                                 // index of the independent joint followed, -1: independent
   double mimicMultiplier = 1, mimicOffset = 0;      // q = multiplier * q_mimicOf + offset
 };
 

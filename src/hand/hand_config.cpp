@@ -66,13 +66,17 @@ Preshape readPreshape(const YamlValue& entry, const Hand& hand) {
     q[joint] = value.number();
     given[joint] = true;
   }
+  preshape.jointPosition = followMimics(hand, q);
   for (std::size_t i = 0; i < hand.joints.size(); ++i) {
     const HandJoint& joint = hand.joints[i];
-    if (joint.mimicOf >= 0 || (q[i] >= joint.lower - kLimitSlack && q[i] <= joint.upper + kLimitSlack)) continue;
-    entry.fail(fmt::format("{} {} at {}, want it within {} .. {}", given[i] ? "puts the joint" : "leaves the joint",
-                           joint.name, q[i], joint.lower, joint.upper));
+    const double position = preshape.jointPosition[i];
+    if (position >= joint.lower - kLimitSlack && position <= joint.upper + kLimitSlack) continue;
+    entry.fail(fmt::format("{} {} at {}, want it within {} .. {}",
+                           joint.mimicOf >= 0 ? "puts the mimic joint"
+                           : given[i]         ? "puts the joint"
+                                              : "leaves the joint",
+                           joint.name, position, joint.lower, joint.upper));
   }
-  preshape.jointPosition = followMimics(hand, q);
   return preshape;
 }
 
@@ -176,7 +180,13 @@ Hand loadHand(const std::string& path, const PackagePaths& packages) {
     hand.p_LT = hand.X_LG.translation();
   }
   readPreshapes(top.require("preshapes"), hand);
-  for (const YamlValue& entry : top.require("closing").items()) hand.closing.push_back(readClosing(entry, hand));
+  for (const YamlValue& entry : top.require("closing").items()) {
+    hand.closing.push_back(readClosing(entry, hand));
+    const auto sameJoint = [&](const ClosingJoint& c) { return c.joint == hand.closing.back().joint; };
+    if (std::count_if(hand.closing.begin(), hand.closing.end(), sameJoint) > 1) {
+      entry.require("joint").refuse("a joint that no other entry closes");
+    }
+  }
   if (hand.closing.empty()) top.require("closing").refuse("at least one joint that closes");
   if (const YamlValue* contactLinks = top.find("contact_links")) readContactLinks(*contactLinks, hand);
   requireGeometry(hand, top);

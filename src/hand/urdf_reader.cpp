@@ -229,6 +229,17 @@ struct Reader {
     for (const auto& child : source.child_links) addLink(*child, index, child->parent_joint.get());
   }
 
+  /// A joint that mimics a mimic joint is made to follow the independent joint at the chain's end.
+  void shortenChain(HandJoint& joint) const {
+    for (std::size_t steps = 0; joint.mimicOf >= 0 && hand.joints[joint.mimicOf].mimicOf >= 0; ++steps) {
+      if (steps > hand.joints.size()) refuse(fmt::format("joint {} mimics itself through others", joint.name));
+      const HandJoint& master = hand.joints[joint.mimicOf];
+      joint.mimicOffset += joint.mimicMultiplier * master.mimicOffset;
+      joint.mimicMultiplier *= master.mimicMultiplier;
+      joint.mimicOf = master.mimicOf;
+    }
+  }
+
   /// Mimic elements name joints; all of a hand's must be inside its subtree and end at an independent joint.
   void connectMimics(const urdf::ModelInterface& model) {
     const auto indexOf = [&](const std::string& name) {
@@ -246,12 +257,7 @@ struct Reader {
         refuse(fmt::format("joint {} mimics {}, which is no moving joint of the hand", joint.name, mimic->joint_name));
       }
     }
-    for (const HandJoint& joint : hand.joints) {
-      std::size_t steps = 0;
-      for (int master = joint.mimicOf; master >= 0; master = hand.joints[master].mimicOf) {
-        if (++steps > hand.joints.size()) refuse(fmt::format("joint {} mimics itself through others", joint.name));
-      }
-    }
+    for (HandJoint& joint : hand.joints) shortenChain(joint);
   }
 };
 

@@ -211,15 +211,14 @@ class ReferencePolicy final : public GraspPolicy {
     return bisect(t - settings_.linearStep, t, settings_.linearTolerance, touches);
   }
 
-  /// Where the hand, coming from outside, is stopped.
+  /// Where the hand, coming from outside, is stopped: by a touch, or at t0.
   double lastFree(const GraspCandidate& candidate) {
     const auto touches = [&](double t) { return handTouchesAt(candidate, t); };
     double t = std::max(outsideDistance(candidate), settings_.startBackoff);
-    while (t - settings_.linearStep >= settings_.startBackoff) {
-      if (touches(t - settings_.linearStep)) {
-        return bisect(t - settings_.linearStep, t, settings_.linearTolerance, touches);
-      }
-      t -= settings_.linearStep;
+    while (t > settings_.startBackoff) {
+      const double next = std::max(t - settings_.linearStep, settings_.startBackoff);
+      if (touches(next)) return bisect(next, t, settings_.linearTolerance, touches);
+      t = next;
     }
     return t;
   }

@@ -446,6 +446,17 @@ TEST_F(LoadHand, RefusesPreshapeOutsideTheLimits) {
   EXPECT_THAT(configRefusal("bend: 0.25", "bend: 1.5000005"), StrEq("nothing was thrown"));  // decimals of a limit
 }
 
+TEST_F(LoadHand, RefusesPreshapeThatPutsAMimicJointOutsideItsLimits) {
+  // bend_2 = 0.5 bend + 0.1; a steeper coupling leads beyond its own limits.
+  EXPECT_THAT(urdfRefusal("multiplier=\"0.5\"", "multiplier=\"50\""),
+              HasSubstr("preshapes[0] puts the mimic joint bend_2 at 12.6, want it within"));
+}
+
+TEST_F(LoadHand, RefusesAJointClosedTwice) {
+  EXPECT_THAT(configRefusal("{joint: slide", "{joint: bend"),
+              StrEq("hand.yaml:8: closing[1].joint is \"bend\", want a joint that no other entry closes"));
+}
+
 TEST_F(LoadHand, RefusesPreshapeOfAMimicJoint) {
   EXPECT_THAT(
       configRefusal("bend: 0.25", "bend_2: 0.25"),

@@ -12,6 +12,7 @@
 namespace handhold {
 namespace {
 
+using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using testing::boxObject;
 using testing::makeFingers;
@@ -211,6 +212,17 @@ TEST(ClosedForm, CenterOfMassPolicyComesFromOutside) {
   EXPECT_NEAR(outer.backoff - inner.backoff, 0.21, kTolerance);
   EXPECT_TRUE(policy->approachIsClear(candidate, outer));
   EXPECT_FALSE(policy->approachIsClear(candidate, inner));  // the way in leads through the upper plate
+}
+
+// Nothing stands in the way from outside to the target: the hand stops at the smallest back-off, on no step's grid.
+TEST(ClosedForm, CenterOfMassPolicyReachesTheSmallestBackoff) {
+  const ObjectModel beside = boxObject({0.01, 0.01, 0.3}, Isometry3d(Eigen::Translation3d(0.5, 0, 0)));
+  const Hand hand = makeJaw(false);
+  for (const double height : {0.0, 0.0123, 0.1}) {
+    GraspTrial trial;
+    makeReferencePolicy(hand, beside, PolicyKind::centerOfMass)->run(fromAbove(height), trial);
+    EXPECT_EQ(trial.backoff, kSettings.startBackoff);
+  }
 }
 
 // Fingers that find nothing pass through each other, and that is told.
