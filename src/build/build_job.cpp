@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <fstream>
 #include <functional>
+#include <set>
+#include <utility>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -177,6 +179,20 @@ void recordFailures(const Database& database, const std::vector<SetReport>& repo
   if (!stream || error) logWarning(fmt::format("{}: cannot be written", target.string()));
 }
 
+/// Object and hand of every set in `failed.json`; a file that is none of ours counts as empty.
+std::set<std::pair<std::string, std::string>> recordedFailures(const Database& database) {
+  std::set<std::pair<std::string, std::string>> result;
+  std::ifstream stream(database.folder() / "failed.json");
+  const nlohmann::json failures = nlohmann::json::parse(stream, nullptr, false);
+  if (!failures.is_array()) return result;
+  for (const auto& failure : failures) {
+    const bool named = failure.is_object() && failure.contains("object") && failure["object"].is_string() &&
+                       failure.contains("hand") && failure["hand"].is_string();
+    if (named) result.emplace(failure["object"].get<std::string>(), failure["hand"].get<std::string>());
+  }
+  return result;
+}
+
 }  // namespace
 
 std::vector<SetReport> buildJob(const Job& job, const std::vector<Hand>& hands, const Database& database,
@@ -214,6 +230,7 @@ std::vector<SetReport> buildJob(const Job& job, const std::vector<Hand>& hands, 
 std::vector<PlannedSet> planJob(const Job& job, const std::vector<Hand>& hands, const Database& database,
                                 const BuildOptions& options) {
   std::vector<PlannedSet> plan;
+  const auto failed = recordedFailures(database);
   for (const Selection& selection : select(job, hands, options)) {
     for (const Hand* hand : selection.hands) {
       PlannedSet& set = plan.emplace_back();
@@ -223,8 +240,9 @@ std::vector<PlannedSet> planJob(const Job& job, const std::vector<Hand>& hands, 
       try {
         const std::string hash = inputHash(job, *selection.item, *hand);
         const bool exists = database.newestVersion(set.object, set.hand) > 0;
-        set.state = !exists                                             ? PlannedSet::State::missing
-                    : isUnchanged(database, set.object, set.hand, hash) ? PlannedSet::State::unchanged
+        set.state = !exists && failed.contains({set.object, set.hand})  ? PlannedSet::State::failed
+                    : !exists                                           ? PlannedSet::State::missing
+                    : isUnchanged(database, set.object, set.hand, hash) ? PlannedSet::State::done
                                                                         : PlannedSet::State::changed;
       } catch (const InputError&) {
         set.state = PlannedSet::State::unreadable;

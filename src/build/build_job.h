@@ -29,7 +29,7 @@ struct SetReport {
 
 /// What would be done, for --dry-run.
 struct PlannedSet {
-  enum class State { missing, changed, unchanged, unreadable };
+  enum class State { missing, changed, done, unreadable, failed };  // failed: in the last run, and still missing
   std::string object, hand;
   State state = State::missing;
   std::size_t trials = 0;  // 0: unknown before sampling (a job with a pitch)

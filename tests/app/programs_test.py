@@ -214,6 +214,11 @@ class Programs(unittest.TestCase):
         self.assertIn("repeat with: handhold build", result.stdout)
         self.assertEqual([f["object"] for f in json.loads((self.db / "failed.json").read_text())], ["bad"])
         self.assertTrue((self.db / "box/jaw/v0001.h5").exists())
+        plan = run("build", job, "--db", self.db, "--dry-run").stdout
+        self.assertIn("failed     bad x jaw", plan)
+        self.assertIn("done       box x jaw", plan)
+        (self.db / "failed.json").write_text("[{}, 3, {\"object\": 1}]")  # nonsense in it stops nobody
+        self.assertIn("missing    bad x jaw", run("build", job, "--db", self.db, "--dry-run").stdout)
 
     def test_wrong_usage(self):
         self.assert_refused(run(), "subcommand")
