@@ -66,12 +66,12 @@ std::string stopsText(const Hand& hand, const GraspTrial& trial) {
 
 int runHand(const std::string& path, bool initialise, const PackagePaths& packages, double sphereRadius) {
   if (initialise) {
-    fmt::print("{}", initialHandConfig(path));
+    fmt::print("{}", initialHandConfig(path, packages));
     return kExitDone;
   }
   const fs::path extension = fs::path(path).extension();
   if (extension == ".urdf" || extension == ".xacro") {
-    initialHandConfig(path);  // refuses what is no hand at all
+    initialHandConfig(path, packages);  // refuses what is no hand at all
     throw InputError(
         fmt::format("{}: is a URDF, want a folder with hand.yaml; start one with: handhold hand {} --init > hand.yaml",
                     path, path));

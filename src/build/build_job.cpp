@@ -41,6 +41,21 @@ std::vector<Selection> select(const Job& job, const std::vector<Hand>& hands, co
   return result;
 }
 
+/// A set that may have to be built.
+struct PendingSet {
+  const Hand* hand;
+  std::string inputHash;
+};
+
+/// The item's mesh hash, empty when the file cannot be read: loading it will say why.
+std::string readableMeshHash(const CatalogItem& item) {
+  try {
+    return meshHash(item);
+  } catch (const InputError&) {
+    return "";
+  }
+}
+
 /// N*R*M as far as it is known before sampling.
 std::size_t expectedTrials(const Job& job, const Hand& hand) { return job.samples * job.rolls * hand.preshapes.size(); }
 
@@ -76,9 +91,11 @@ class JobRun {
 
   void runObject(const Selection& selection) {
     const CatalogItem& item = *selection.item;
-    std::vector<const Hand*> missing;
+    const std::string mesh = readableMeshHash(item);
+    std::vector<PendingSet> missing;
     for (const Hand* hand : selection.hands) {
-      if (!reportUnchanged(item, *hand)) missing.push_back(hand);
+      const PendingSet set{hand, inputHash(job_, item, mesh, *hand)};
+      if (mesh.empty() || !reportUnchanged(item, set)) missing.push_back(set);
     }
     if (missing.empty() || cancel_) return;
     progress_.begin(item.name, reports_.size());
@@ -86,18 +103,19 @@ class JobRun {
     if (!guarded(item, missing, [&] { object = loadSampledObject(job_, item, &cancel_); })) return;
     for (const std::string& note : object.model.notes) logInfo(fmt::format("{}: {}", item.name, note));
     for (const std::string& warning : object.model.warnings) logWarning(fmt::format("{}: {}", item.name, warning));
-    for (const Hand* hand : missing) {
-      if (!cancel_) runSet(object, *hand);
+    for (const PendingSet& set : missing) {
+      if (!cancel_) runSet(object, set);
     }
   }
 
   std::vector<SetReport> takeReports() { return std::move(reports_); }
 
  private:
-  /// A set that cannot be read, or whose mesh cannot, is not unchanged: building it will tell.
-  bool reportUnchanged(const CatalogItem& item, const Hand& hand) {
+  /// A set whose summary cannot be read is not unchanged: it is built anew.
+  bool reportUnchanged(const CatalogItem& item, const PendingSet& set) {
+    const Hand& hand = *set.hand;
     try {
-      if (options_.force || !isUnchanged(database_, item.name, hand.name, inputHash(job_, item, hand))) return false;
+      if (options_.force || !isUnchanged(database_, item.name, hand.name, set.inputHash)) return false;
       const int version = database_.newestVersion(item.name, hand.name);
       reports_.push_back({item.name, hand.name, SetReport::State::unchanged,
                           readSummary(database_.setPath(item.name, hand.name, version)), "", ""});
@@ -108,11 +126,13 @@ class JobRun {
     return true;
   }
 
-  void runSet(const SampledObject& object, const Hand& hand) {
+  void runSet(const SampledObject& object, const PendingSet& pending) {
     const CatalogItem& item = *object.item;
+    const Hand& hand = *pending.hand;
     progress_.begin(item.name + " x " + hand.name, reports_.size());
-    guarded(item, {&hand}, [&] {
-      std::optional<GraspSet> set = buildSet(job_, object, hand, jobs_, progress_.counters(), cancel_);
+    guarded(item, {pending}, [&] {
+      std::optional<GraspSet> set =
+          buildSet(job_, object, hand, pending.inputHash, jobs_, progress_.counters(), cancel_);
       if (!set) return;
       const std::size_t grasps = set->graspCount();
       const fs::path path = database_.write(std::move(*set));
@@ -123,7 +143,7 @@ class JobRun {
   }
 
   /// Runs `work`; what it throws is the failure of these sets, not the end of the job. After a stop it is neither.
-  bool guarded(const CatalogItem& item, const std::vector<const Hand*>& hands, const std::function<void()>& work) {
+  bool guarded(const CatalogItem& item, const std::vector<PendingSet>& sets, const std::function<void()>& work) {
     std::string reason;
     try {
       work();
@@ -133,8 +153,8 @@ class JobRun {
     } catch (const std::runtime_error& error) {  // InputError, SystemError
       reason = error.what();
     }
-    for (const Hand* hand : hands) {
-      if (!cancel_) reportFailure(item, *hand, reason);
+    for (const PendingSet& set : sets) {
+      if (!cancel_) reportFailure(item, *set.hand, reason);
     }
     return false;
   }
@@ -232,21 +252,19 @@ std::vector<PlannedSet> planJob(const Job& job, const std::vector<Hand>& hands, 
   std::vector<PlannedSet> plan;
   const auto failed = recordedFailures(database);
   for (const Selection& selection : select(job, hands, options)) {
+    const std::string mesh = readableMeshHash(*selection.item);
     for (const Hand* hand : selection.hands) {
       PlannedSet& set = plan.emplace_back();
       set.object = selection.item->name;
       set.hand = hand->name;
       set.trials = expectedTrials(job, *hand);
-      try {
-        const std::string hash = inputHash(job, *selection.item, *hand);
-        const bool exists = database.newestVersion(set.object, set.hand) > 0;
-        set.state = !exists && failed.contains({set.object, set.hand})  ? PlannedSet::State::failed
-                    : !exists                                           ? PlannedSet::State::missing
-                    : isUnchanged(database, set.object, set.hand, hash) ? PlannedSet::State::done
-                                                                        : PlannedSet::State::changed;
-      } catch (const InputError&) {
-        set.state = PlannedSet::State::unreadable;
-      }
+      const std::string hash = inputHash(job, *selection.item, mesh, *hand);
+      const bool exists = database.newestVersion(set.object, set.hand) > 0;
+      set.state = mesh.empty()                                         ? PlannedSet::State::unreadable
+                  : !exists && failed.contains({set.object, set.hand}) ? PlannedSet::State::failed
+                  : !exists                                            ? PlannedSet::State::missing
+                  : isUnchanged(database, set.object, set.hand, hash)  ? PlannedSet::State::done
+                                                                       : PlannedSet::State::changed;
     }
   }
   return plan;

@@ -34,11 +34,6 @@ void appendPoints(std::vector<float>& array, const std::vector<Eigen::Vector3f>&
   for (const Eigen::Vector3f& point : points) appendVector(array, point);
 }
 
-/// What one worker writes for one sample: R*M trials.
-struct SampleResult {
-  std::vector<KeptGrasp> grasps;
-};
-
 void setObject(const SampledObject& object, GraspSet& set) {
   set.object = object.item->name;
   set.objectMesh = object.model.mesh;
@@ -173,10 +168,15 @@ SampledObject loadSampledObject(const Job& job, const CatalogItem& item, const s
   return object;
 }
 
-std::string inputHash(const Job& job, const CatalogItem& item, const Hand& hand) {
+std::string meshHash(const CatalogItem& item) {
+  const std::string content = readFile(item.mesh);
+  return hashBytes(content.data(), content.size());
+}
+
+std::string inputHash(const Job& job, const CatalogItem& item, const std::string& meshHash, const Hand& hand) {
   ContentHash hash;
   hash.addNumber(kMethodVersion);
-  hash.addText(readFile(item.mesh));
+  hash.addText(meshHash);
   hash.addNumber(item.unit.scale);
   hash.addNumber(item.unit.written ? 1 : 0);
   hash.addText(hand.contentHash);
@@ -205,14 +205,15 @@ GraspCandidate candidateAt(const Job& job, const SurfaceSamples& samples, const 
   return candidate;
 }
 
-std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand, const JobSystem& jobs,
-                                 BuildCounters& counters, const std::atomic<bool>& cancel) {
+std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand,
+                                 const std::string& inputHash, const JobSystem& jobs, BuildCounters& counters,
+                                 const std::atomic<bool>& cancel) {
   GraspSet set;
   const WrenchModel model = wrenchModel(job, *object.item, object.model);
   setObject(object, set);
   setHand(hand, set);
   setParameters(job, model, set);
-  set.inputHash = inputHash(job, *object.item, hand);
+  set.inputHash = inputHash;
   set.samples = object.samples.size();
   set.preshapes = hand.preshapes.size();
   set.outcome.assign(set.trialCount(), static_cast<std::uint8_t>(GraspOutcome::notRun));
@@ -223,7 +224,7 @@ std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, co
   while (static_cast<int>(policies.size()) < jobs.threads()) policies.push_back(policies[0]->clone());
   std::vector<StageSeconds> seconds(jobs.threads());
   std::vector<Evaluation> evaluations(jobs.threads());
-  std::vector<SampleResult> results(set.samples);
+  std::vector<std::vector<KeptGrasp>> graspsOfSample(set.samples);
   const std::size_t perSample = set.rolls * set.preshapes;
 
   const auto runSample = [&](int worker, std::size_t sample) {
@@ -233,7 +234,7 @@ std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, co
       set.outcome[trial] = static_cast<std::uint8_t>(evaluation.trial.outcome);
       set.trialEpsilon[trial] = static_cast<float>(evaluation.epsilon);
       if (evaluation.trial.outcome == GraspOutcome::forceClosed) {
-        results[sample].grasps.push_back({trial, evaluation.epsilon, evaluation.trial.X_OH, evaluation.trial.backoff,
+        graspsOfSample[sample].push_back({trial, evaluation.epsilon, evaluation.trial.X_OH, evaluation.trial.backoff,
                                           evaluation.approachClear, evaluation.trial.jointPosition,
                                           evaluation.trial.contacts});
         ++counters.forceClosed;
@@ -245,8 +246,7 @@ std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, co
   if (cancel) return std::nullopt;
 
   std::vector<KeptGrasp> grasps;
-  for (SampleResult& result : results)
-    std::move(result.grasps.begin(), result.grasps.end(), std::back_inserter(grasps));
+  for (auto& some : graspsOfSample) std::move(some.begin(), some.end(), std::back_inserter(grasps));
   sortGrasps(grasps);
   keepGrasps(grasps, job.keepTop, job.keepDiverse, object.model.mass.radius);
   for (const KeptGrasp& grasp : grasps) addGrasp(job, object, hand, grasp, set);

@@ -25,9 +25,11 @@ struct SampledObject {
 /// Loads and samples one object. @throws InputError, also when `cancel` becomes true while the file is read
 SampledObject loadSampledObject(const Job& job, const CatalogItem& item, const std::atomic<bool>* cancel = nullptr);
 
+/// The hash of an item's mesh file. @throws InputError  it cannot be read
+std::string meshHash(const CatalogItem& item);
+
 /// The hash of everything that changes a set's results: mesh bytes and unit, hand files, parameters, method version.
-/// @throws InputError  the mesh file cannot be read
-std::string inputHash(const Job& job, const CatalogItem& item, const Hand& hand);
+std::string inputHash(const Job& job, const CatalogItem& item, const std::string& meshHash, const Hand& hand);
 
 WrenchModel wrenchModel(const Job& job, const CatalogItem& item, const ObjectModel& object);
 
@@ -41,7 +43,8 @@ struct BuildCounters {
 
 /// Runs all N*R*M trials of one object and hand on all threads of `jobs`. Results do not depend on their number.
 /// @return nothing when `cancel` became true
-std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand, const JobSystem& jobs,
-                                 BuildCounters& counters, const std::atomic<bool>& cancel);
+std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand,
+                                 const std::string& inputHash, const JobSystem& jobs, BuildCounters& counters,
+                                 const std::atomic<bool>& cancel);
 
 }  // namespace handhold

@@ -92,6 +92,6 @@ std::vector<bool> linksMovedBy(const Hand& hand, int joint, bool withFollowers);
 std::vector<int> followersOf(const Hand& hand, int joint);
 
 /// A hand.yaml to start from for a URDF: the joints that close listed, the palm to be filled in.
-std::string initialHandConfig(const std::string& urdfPath);
+std::string initialHandConfig(const std::string& urdfPath, const PackagePaths& packages = {});
 
 }  // namespace handhold

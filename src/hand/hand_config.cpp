@@ -199,9 +199,9 @@ Hand loadHand(const std::string& path, const PackagePaths& packages) {
   return hand;
 }
 
-std::string initialHandConfig(const std::string& urdfPath) {
+std::string initialHandConfig(const std::string& urdfPath, const PackagePaths& packages) {
   Hand hand;
-  readUrdf(urdfPath, "", {}, {}, hand);
+  readUrdf(urdfPath, "", {}, packages, hand);
   std::string joints, closing;
   for (const HandJoint& joint : hand.joints) {
     if (joint.mimicOf >= 0) continue;

@@ -1,11 +1,9 @@
 #include "simulate/collision_models.h"
 
-#include "core/error.h"
 #include "mesh/ray_scene.h"
 
 #include <algorithm>
 #include <limits>
-#include <optional>
 
 #include <fcl/geometry/bvh/BVH_model.h>
 #include <fcl/geometry/shape/box.h>

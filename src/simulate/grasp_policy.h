@@ -91,7 +91,6 @@ struct ReferenceSettings {
 };
 
 /// The reference: exact triangles, FCL collision tests, stepping and bisection. `hand` and `object` must outlive it.
-/// @throws InputError  the object has no surface to collide with
 std::unique_ptr<GraspPolicy> makeReferencePolicy(const Hand& hand, const ObjectModel& object, PolicyKind kind,
                                                  const ReferenceSettings& settings = {});
 

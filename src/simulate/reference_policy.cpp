@@ -1,4 +1,3 @@
-#include "core/error.h"
 #include "simulate/collision_models.h"
 #include "simulate/contacts.h"
 #include "simulate/grasp_policy.h"
