@@ -85,6 +85,9 @@ Eigen::VectorXd followMimics(const Hand& hand, Eigen::VectorXd jointPosition);
 /// clutch has opened no longer follows).
 std::vector<Eigen::Isometry3d> forwardKinematics(const Hand& hand, const Eigen::VectorXd& jointPosition);
 
+/// The same into `X_HL`, which keeps its memory.
+void forwardKinematics(const Hand& hand, const Eigen::VectorXd& jointPosition, std::vector<Eigen::Isometry3d>& X_HL);
+
 /// For every link, whether it moves when `joint` moves; `withFollowers`: together with all that mimic it.
 std::vector<bool> linksMovedBy(const Hand& hand, int joint, bool withFollowers);
 

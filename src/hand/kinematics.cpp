@@ -18,7 +18,13 @@ Eigen::VectorXd followMimics(const Hand& hand, Eigen::VectorXd jointPosition) {
 }
 
 std::vector<Eigen::Isometry3d> forwardKinematics(const Hand& hand, const Eigen::VectorXd& jointPosition) {
-  std::vector<Eigen::Isometry3d> X_HL(hand.links.size(), Eigen::Isometry3d::Identity());
+  std::vector<Eigen::Isometry3d> X_HL;
+  forwardKinematics(hand, jointPosition, X_HL);
+  return X_HL;
+}
+
+void forwardKinematics(const Hand& hand, const Eigen::VectorXd& jointPosition, std::vector<Eigen::Isometry3d>& X_HL) {
+  X_HL.assign(hand.links.size(), Eigen::Isometry3d::Identity());
   for (std::size_t i = 1; i < hand.links.size(); ++i) {
     const HandLink& link = hand.links[i];
     Eigen::Isometry3d X_PL = link.X_PL;
@@ -34,7 +40,6 @@ std::vector<Eigen::Isometry3d> forwardKinematics(const Hand& hand, const Eigen::
     }
     X_HL[i] = X_HL[link.parentLink] * X_PL;
   }
-  return X_HL;
 }
 
 std::vector<int> followersOf(const Hand& hand, int joint) {

@@ -1,3 +1,4 @@
+#include "simulate/closing_plan.h"
 #include "simulate/collision_models.h"
 #include "simulate/contacts.h"
 #include "simulate/grasp_policy.h"
@@ -12,38 +13,7 @@ namespace handhold {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
-Isometry3d palmPose(const Vector3d& position, const Vector3d& approach, double roll) {
-  constexpr double kNearlyVertical = 0.9;  // |cosine| to the z axis
-  const Vector3d up = std::abs(approach.z()) < kNearlyVertical ? Vector3d::UnitZ() : Vector3d::UnitX();
-  const Vector3d reference = (up - up.dot(approach) * approach).normalized();
-  const Vector3d side = approach.cross(reference);
-  Isometry3d X_OG = Isometry3d::Identity();
-  X_OG.linear().col(0) = std::cos(roll) * reference + std::sin(roll) * side;
-  X_OG.linear().col(1) = approach.cross(X_OG.linear().col(0));
-  X_OG.linear().col(2) = approach;
-  X_OG.translation() = position;
-  return X_OG;
-}
-
 namespace {
-
-/// A joint that moves, alone or with its followers, and the links that move with it.
-struct Mover {
-  int joint = -1;
-  int direction = 1;
-  std::vector<int> followers;
-  std::vector<int> links;  // with geometry
-};
-
-/// One entry of the hand's closing rule, made ready.
-struct ClosingStep {
-  Mover together;   // the joint with its followers
-  Mover alone;      // selfCentering of two jaws: the joint without them
-  Mover follower;   // selfCentering of two jaws: the other jaw
-  Mover breakaway;  // joint -1: none
-  bool selfCentering = false;
-  std::vector<int> fixedLinks;  // selfCentering without a follower: the counterpart that is brought up first
-};
 
 /// What depends on the preshape alone.
 struct PreparedPreshape {
@@ -58,10 +28,8 @@ class ReferencePolicy final : public GraspPolicy {
       : hand_(hand), object_(object), kind_(kind), settings_(settings) {
     models_ = std::make_shared<const CollisionModels>(hand, object);
     objectBox_ = boundingBox(object.mesh);
-    for (std::size_t i = 0; i < hand.links.size(); ++i) {
-      if (!hand.links[i].mesh.triangles.empty()) solidLinks_.push_back(static_cast<int>(i));
-    }
-    for (const ClosingJoint& closing : hand.closing) steps_.push_back(prepareStep(closing));
+    solidLinks_ = solidLinks(hand);
+    for (const ClosingJoint& closing : hand.closing) steps_.push_back(makeClosingStep(hand, closing));
     for (const Preshape& preshape : hand.preshapes) preshapes_.push_back(preparePreshape(preshape));
   }
 
@@ -103,37 +71,6 @@ class ReferencePolicy final : public GraspPolicy {
   }
 
  private:
-  Mover makeMover(int joint, int direction, bool withFollowers) const {
-    Mover mover{joint, direction, {}, {}};
-    if (withFollowers) mover.followers = followersOf(hand_, joint);
-    const std::vector<bool> moves = linksMovedBy(hand_, joint, withFollowers);
-    for (const int link : solidLinks_) {
-      if (moves[link]) mover.links.push_back(link);
-    }
-    return mover;
-  }
-
-  ClosingStep prepareStep(const ClosingJoint& closing) const {
-    ClosingStep step;
-    step.selfCentering = closing.selfCentering;
-    step.together = makeMover(closing.joint, closing.direction, true);
-    if (closing.selfCentering && step.together.followers.empty()) {
-      const std::vector<bool> moves = linksMovedBy(hand_, closing.joint, true);
-      std::copy_if(solidLinks_.begin(), solidLinks_.end(), std::back_inserter(step.fixedLinks),
-                   [&](int link) { return !moves[link]; });
-    } else if (closing.selfCentering) {
-      const int follower = step.together.followers[0];
-      const int sign = hand_.joints[follower].mimicMultiplier > 0 ? 1 : -1;
-      step.alone = makeMover(closing.joint, closing.direction, false);
-      step.follower = makeMover(follower, sign * closing.direction, false);
-    }
-    if (closing.breakawayJoint >= 0) {
-      const int sign = hand_.joints[closing.breakawayJoint].mimicMultiplier > 0 ? 1 : -1;
-      step.breakaway = makeMover(closing.breakawayJoint, sign * closing.direction, false);
-    }
-    return step;
-  }
-
   PreparedPreshape preparePreshape(const Preshape& preshape) const {
     PreparedPreshape prepared;
     prepared.X_HL = forwardKinematics(hand_, preshape.jointPosition);
@@ -231,15 +168,6 @@ class ReferencePolicy final : public GraspPolicy {
     trial.X_OH = handPoseAt(candidate, trial.backoff);
   }
 
-  /// Puts a mover's joint at `position`, its followers along, each within its own limits.
-  void place(const Mover& mover, double position, Eigen::VectorXd& q) const {
-    q[mover.joint] = position;
-    for (const int follower : mover.followers) {
-      const HandJoint& joint = hand_.joints[follower];
-      q[follower] = std::clamp(joint.mimicMultiplier * q[joint.mimicOf] + joint.mimicOffset, joint.lower, joint.upper);
-    }
-  }
-
   /// Moves one joint in its direction until a link that it moves touches, or to its limit.
   ClosingStop closeJoint(const Mover& mover, const Isometry3d& X_OH, Eigen::VectorXd& q) {
     const HandJoint& joint = hand_.joints[mover.joint];
@@ -248,7 +176,7 @@ class ReferencePolicy final : public GraspPolicy {
     const double limit = mover.direction > 0 ? joint.upper : joint.lower;
     ClosingStop stop{mover.joint, q[mover.joint], {}};
     const auto posesAt = [&](double position) {
-      place(mover, position, q);
+      place(hand_, mover, position, q);
       return forwardKinematics(hand_, q);
     };
     const auto touches = [&](double position) {
@@ -270,7 +198,7 @@ class ReferencePolicy final : public GraspPolicy {
       }
       stop.position = next;
     }
-    place(mover, stop.position, q);
+    place(hand_, mover, stop.position, q);
     return stop;
   }
 
@@ -319,7 +247,7 @@ class ReferencePolicy final : public GraspPolicy {
     const Vector3d shift = (first.position - centered) * axis;
     trial.centering += shift;
     trial.X_OH.translation() += shift;
-    place(step.together, centered, q);
+    place(hand_, step.together, centered, q);
     return !restTouches(step, trial);
   }
 

@@ -1,0 +1,35 @@
+#pragma once
+
+#include "hand/hand.h"
+
+#include <vector>
+
+namespace handhold {
+
+/// A joint that moves, alone or with its followers, and the links that move with it.
+struct Mover {
+  int joint = -1;
+  int direction = 1;
+  std::vector<int> followers;
+  std::vector<int> links;  // with geometry
+};
+
+/// One entry of the hand's closing rule, made ready.
+struct ClosingStep {
+  Mover together;   // the joint with its followers
+  Mover alone;      // selfCentering of two jaws: the joint without them
+  Mover follower;   // selfCentering of two jaws: the other jaw
+  Mover breakaway;  // joint -1: none
+  bool selfCentering = false;
+  std::vector<int> fixedLinks;  // selfCentering without a follower: the counterpart that is brought up first
+};
+
+/// The links that have geometry, ascending.
+std::vector<int> solidLinks(const Hand& hand);
+
+ClosingStep makeClosingStep(const Hand& hand, const ClosingJoint& closing);
+
+/// Puts a mover's joint at `position`, its followers along, each within its own limits.
+void place(const Hand& hand, const Mover& mover, double position, Eigen::VectorXd& q);
+
+}  // namespace handhold
