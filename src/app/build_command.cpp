@@ -21,16 +21,19 @@ extern "C" void requestStop(int signal) {
   std::signal(signal, SIG_DFL);
 }
 
-/// What --dry-run says. Costs are taken from sets of the same hand that are already in the database.
+/// What --dry-run says. Costs are taken from sets in the database that the same simulation made.
 int printPlan(const BuildCommand& command, const Job& job, const std::vector<Hand>& hands, const Database& database) {
   static constexpr const char* kStates[] = {"missing", "changed", "done", "unreadable", "failed"};
   double seconds = 0, bytes = 0, knownTrials = 0;
   for (const auto& path : database.files()) {
     try {
       const GraspSetSummary summary = readSummary(path);
+      const std::size_t setTrials = summary.samples * summary.rolls * summary.preshapes;
+      const bool byReference = summary.trialsByReference == setTrials;
+      if (byReference != (job.simulation == Simulation::reference)) continue;
       for (const auto& [stage, duration] : summary.seconds) seconds += duration;
       bytes += static_cast<double>(summary.bytes);
-      knownTrials += static_cast<double>(summary.samples * summary.rolls * summary.preshapes);
+      knownTrials += static_cast<double>(setTrials);
     } catch (const InputError& error) {
       logWarning(error.what());
     }
@@ -47,7 +50,8 @@ int printPlan(const BuildCommand& command, const Job& job, const std::vector<Han
       "{} sets missing, {} changed, {} done, {} failed last time, {} with an unreadable mesh; {} trials to run\n",
       counts[0], counts[1], counts[2], counts[4], counts[3], trials);
   // Without a set to learn from: what jobs/demo.yaml takes a trial, on average, on one core of 2026.
-  const double secondsPerTrial = knownTrials > 0 ? seconds / knownTrials : 3e-3;
+  const double guess = job.simulation == Simulation::fast ? 1e-4 : 3e-3;
+  const double secondsPerTrial = knownTrials > 0 ? seconds / knownTrials : guess;
   const double bytesPerTrial = knownTrials > 0 ? bytes / knownTrials : 300;
   fmt::print("about {:.2f} core-hours and {:.3f} GB ({})\n", secondsPerTrial * static_cast<double>(trials) / 3600,
              bytesPerTrial * static_cast<double>(trials) / 1e9,

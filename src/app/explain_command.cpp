@@ -32,10 +32,12 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
                                  trials - 1));
   }
   const GraspCandidate candidate = candidateAt(job, object.samples, hand, trial);
-  const auto policy = makeReferencePolicy(hand, object.model, job.policy, policySettings(job));
+  const auto fields = job.simulation == Simulation::fast ? makeHandFields(hand) : nullptr;
+  const auto policy = makePolicy(job, hand, object.model, fields);
   Evaluation result;
   StageSeconds seconds;
-  evaluate(*policy, candidate, wrenchModel(job, item, object.model), result, seconds);
+  FrictionCones cones(wrenchModel(job, item, object.model));
+  evaluate(*policy, candidate, cones, result, seconds);
 
   const std::size_t preshapes = hand.preshapes.size();
   fmt::print("trial {} of {} x {}: sample {} of {}, roll {} of {}, preshape {}\n", trial, item.name, hand.name,
@@ -43,6 +45,8 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
              hand.preshapes[candidate.preshape].name);
   fmt::print("target point {} m, approach {}, roll {:.1f} degrees\n", text(candidate.targetPoint),
              text(candidate.approach), candidate.roll * 57.29577951308232);
+  fmt::print("run by the {} policy{}\n", job.simulation == Simulation::fast ? "fast" : "reference",
+             result.trial.byReference ? ", which handed it to the reference" : "");
   fmt::print("backed off by {:.2f} mm\n", 1e3 * result.trial.backoff);
   fmt::print("closing:\n");
   for (const ClosingStop& stop : result.trial.stops) printStop(hand, stop);

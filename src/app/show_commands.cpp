@@ -51,6 +51,7 @@ nlohmann::ordered_json toJson(const GraspSetSummary& s) {
           {"rolls", s.rolls},
           {"preshapes", s.preshapes},
           {"trials", trialCount(s)},
+          {"trials_by_reference", s.trialsByReference},
           {"outcomes", outcomes},
           {"grasps", s.grasps},
           {"best_epsilon", s.bestEpsilon},
@@ -77,6 +78,8 @@ void printInfo(const GraspSetSummary& s) {
   for (const std::string& note : s.objectNotes) fmt::print("              {}\n", note);
   fmt::print("  trials      {} samples x {} rolls x {} preshapes = {}\n", s.samples, s.rolls, s.preshapes,
              trialCount(s));
+  fmt::print("  reference   ran {} of them, {:.2f} %\n", s.trialsByReference,
+             share(s.trialsByReference, trialCount(s)));
   for (const auto& [name, count] : s.outcomes) {
     fmt::print("    {:<18}{:>9}  {:5.1f} %\n", name, count, share(count, trialCount(s)));
   }

@@ -7,8 +7,11 @@
 #include "core/log.h"
 
 #include <algorithm>
+#include <chrono>
 #include <fstream>
 #include <functional>
+#include <map>
+#include <memory>
 #include <set>
 #include <utility>
 
@@ -45,6 +48,12 @@ std::vector<Selection> select(const Job& job, const std::vector<Hand>& hands, co
 struct PendingSet {
   const Hand* hand;
   std::string inputHash;
+};
+
+/// What the fast policy knows of a hand, made once a run.
+struct FieldsOfHand {
+  std::shared_ptr<const HandFields> fields;
+  double seconds = 0;  // that making them took, until a set has stored them
 };
 
 /// The item's mesh hash, empty when the file cannot be read: loading it will say why.
@@ -131,15 +140,30 @@ class JobRun {
     const Hand& hand = *pending.hand;
     progress_.begin(item.name + " x " + hand.name, reports_.size());
     guarded(item, {pending}, [&] {
-      std::optional<GraspSet> set =
-          buildSet(job_, object, hand, pending.inputHash, jobs_, progress_.counters(), cancel_);
+      FieldsOfHand* fast = job_.simulation == Simulation::fast ? &fieldsOf(hand) : nullptr;
+      std::optional<GraspSet> set = buildSet(job_, object, hand, pending.inputHash, fast ? fast->fields : nullptr,
+                                             jobs_, progress_.counters(), cancel_);
       if (!set) return;
+      if (fast) set->seconds["fields"] = fast->seconds;
       const std::size_t grasps = set->graspCount();
       const fs::path path = database_.write(std::move(*set));
+      if (fast) fast->seconds = 0;
       reports_.push_back({item.name, hand.name, SetReport::State::built, readSummary(path), "", ""});
       if (grasps == 0) logWarning(fmt::format("{} x {}: no grasp is force closed", item.name, hand.name));
       logInfo(fmt::format("{} x {}: {} grasps, {}", item.name, hand.name, grasps, path.string()));
     });
+  }
+
+  /// Made when the first object needs them, for all others too.
+  FieldsOfHand& fieldsOf(const Hand& hand) {
+    FieldsOfHand& entry = fields_[hand.contentHash];
+    if (!entry.fields) {
+      const auto start = std::chrono::steady_clock::now();
+      entry.fields = makeHandFields(hand);
+      entry.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      logInfo(fmt::format("{}: fields of the hand made in {:.2f} s", hand.name, entry.seconds));
+    }
+    return entry;
   }
 
   /// Runs `work`; what it throws is the failure of these sets, not the end of the job. After a stop it is neither.
@@ -173,6 +197,7 @@ class JobRun {
   const std::atomic<bool>& cancel_;
   Progress& progress_;
   JobSystem jobs_;
+  std::map<std::string, FieldsOfHand> fields_;  // by the hand's contentHash
   std::vector<SetReport> reports_;
 };
 

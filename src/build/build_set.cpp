@@ -4,6 +4,7 @@
 #include "core/file.h"
 #include "core/hash.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <ctime>
@@ -16,13 +17,20 @@ namespace handhold {
 namespace {
 
 /// Part of every input hash: to be raised whenever a change of ours changes results.
-constexpr int kMethodVersion = 1;
+constexpr int kMethodVersion = 2;
 
 /// The distance map is sampled with this many points for each target point (III-A: "at a finer resolution").
 constexpr std::size_t kMapPointsPerSample = 4;
 
 double secondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// Seconds that the processor worked for this thread: unlike the wall's they do not count waiting.
+double threadSeconds() {
+  timespec time{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
 template <class T, class V>
@@ -125,13 +133,60 @@ void addNeighbors(const Job& job, const SampledObject& object, GraspSet& set) {
   }
 }
 
-void setTimings(const SampledObject& object, const std::vector<StageSeconds>& workers, GraspSet& set) {
-  set.seconds = object.seconds;
-  for (const StageSeconds& worker : workers) {
-    set.seconds["policy"] += worker.policy;
-    set.seconds["force_closure"] += worker.forceClosure;
-    set.seconds["epsilon"] += worker.epsilon;
-    set.seconds["approach"] += worker.approach;
+/// What one thread needs and adds up, on cache lines of its own.
+struct alignas(64) Worker {
+  FrictionCones cones;
+  std::unique_ptr<GraspPolicy> policy;
+  Evaluation evaluation;
+  StageSeconds seconds;  // of the processor
+  std::uint64_t byReference = 0;
+};
+
+/// The trials of one set and where their results go: each sample has slots of its own.
+struct TrialRun {
+  const Job& job;
+  const SampledObject& object;
+  const Hand& hand;
+  BuildCounters& counters;
+  const std::atomic<bool>& cancel;
+  GraspSet& set;
+  std::vector<std::vector<KeptGrasp>> graspsOfSample;
+
+  void runSample(Worker& worker, std::size_t sample);
+};
+
+/// The processor's clock is read once a sample; its seconds are dealt to the stages as the wall's clock saw them.
+void TrialRun::runSample(Worker& worker, std::size_t sample) {
+  const double processorBefore = threadSeconds();
+  const auto start = std::chrono::steady_clock::now();
+  const std::size_t perSample = set.rolls * set.preshapes, first = sample * perSample;
+  StageSeconds seconds;
+  std::vector<KeptGrasp> grasps;
+  const Evaluation& result = worker.evaluation;
+  std::size_t trial = first;
+  for (; trial < first + perSample && !cancel; ++trial) {
+    evaluate(*worker.policy, candidateAt(job, object.samples, hand, trial), worker.cones, worker.evaluation, seconds);
+    set.outcome[trial] = static_cast<std::uint8_t>(result.trial.outcome);
+    set.trialEpsilon[trial] = static_cast<float>(result.epsilon);
+    if (result.trial.byReference || job.simulation == Simulation::reference) ++worker.byReference;
+    if (result.trial.outcome == GraspOutcome::forceClosed) {
+      grasps.push_back({trial, result.epsilon, result.trial.X_OH, result.trial.backoff, result.approachClear,
+                        result.trial.jointPosition, result.trial.contacts});
+    }
+  }
+  counters.trials += trial - first;
+  counters.forceClosed += grasps.size();
+  graspsOfSample[sample] = std::move(grasps);
+  worker.seconds.add(seconds, (threadSeconds() - processorBefore) / std::max(1e-9, secondsSince(start)));
+}
+
+void setTimings(const SampledObject& object, const std::vector<Worker>& workers, GraspSet& set) {
+  set.seconds.insert(object.seconds.begin(), object.seconds.end());
+  for (const Worker& worker : workers) {
+    set.seconds["policy"] += worker.seconds.policy;
+    set.seconds["force_closure"] += worker.seconds.forceClosure;
+    set.seconds["epsilon"] += worker.seconds.epsilon;
+    set.seconds["approach"] += worker.seconds.approach;
   }
   char host[256] = {};
   ::gethostname(host, sizeof host - 1);
@@ -184,10 +239,18 @@ std::string inputHash(const Job& job, const CatalogItem& item, const std::string
   for (const double number :
        {static_cast<double>(job.policy), static_cast<double>(job.samples), job.pitch, static_cast<double>(job.rolls),
         item.friction, static_cast<double>(job.coneEdges), job.contactDistance, static_cast<double>(job.mapNeighbors),
-        static_cast<double>(job.keepTop), static_cast<double>(job.keepDiverse), static_cast<double>(job.seed)}) {
+        static_cast<double>(job.keepTop), static_cast<double>(job.keepDiverse), static_cast<double>(job.seed),
+        static_cast<double>(job.simulation)}) {
     hash.addNumber(number);
   }
   return hash.hex();
+}
+
+std::unique_ptr<GraspPolicy> makePolicy(const Job& job, const Hand& hand, const ObjectModel& object,
+                                        const std::shared_ptr<const HandFields>& fields) {
+  return job.simulation == Simulation::reference
+             ? makeReferencePolicy(hand, object, job.policy, policySettings(job))
+             : makeFastPolicy(fields, hand, object, job.policy, policySettings(job));
 }
 
 WrenchModel wrenchModel(const Job& job, const CatalogItem& item, const ObjectModel& object) {
@@ -206,8 +269,8 @@ GraspCandidate candidateAt(const Job& job, const SurfaceSamples& samples, const 
 }
 
 std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand,
-                                 const std::string& inputHash, const JobSystem& jobs, BuildCounters& counters,
-                                 const std::atomic<bool>& cancel) {
+                                 const std::string& inputHash, const std::shared_ptr<const HandFields>& fields,
+                                 const JobSystem& jobs, BuildCounters& counters, const std::atomic<bool>& cancel) {
   GraspSet set;
   const WrenchModel model = wrenchModel(job, *object.item, object.model);
   setObject(object, set);
@@ -219,39 +282,29 @@ std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, co
   set.outcome.assign(set.trialCount(), static_cast<std::uint8_t>(GraspOutcome::notRun));
   set.trialEpsilon.assign(set.trialCount(), std::nanf(""));
 
-  std::vector<std::unique_ptr<GraspPolicy>> policies;
-  policies.push_back(makeReferencePolicy(hand, object.model, job.policy, policySettings(job)));
-  while (static_cast<int>(policies.size()) < jobs.threads()) policies.push_back(policies[0]->clone());
-  std::vector<StageSeconds> seconds(jobs.threads());
-  std::vector<Evaluation> evaluations(jobs.threads());
-  std::vector<std::vector<KeptGrasp>> graspsOfSample(set.samples);
-  const std::size_t perSample = set.rolls * set.preshapes;
-
-  const auto runSample = [&](int worker, std::size_t sample) {
-    Evaluation& evaluation = evaluations[worker];
-    for (std::size_t trial = sample * perSample; trial < (sample + 1) * perSample && !cancel; ++trial) {
-      evaluate(*policies[worker], candidateAt(job, object.samples, hand, trial), model, evaluation, seconds[worker]);
-      set.outcome[trial] = static_cast<std::uint8_t>(evaluation.trial.outcome);
-      set.trialEpsilon[trial] = static_cast<float>(evaluation.epsilon);
-      if (evaluation.trial.outcome == GraspOutcome::forceClosed) {
-        graspsOfSample[sample].push_back({trial, evaluation.epsilon, evaluation.trial.X_OH, evaluation.trial.backoff,
-                                          evaluation.approachClear, evaluation.trial.jointPosition,
-                                          evaluation.trial.contacts});
-        ++counters.forceClosed;
-      }
-      ++counters.trials;
-    }
-  };
-  jobs.run(set.samples, 1, runSample, &cancel);
+  auto start = std::chrono::steady_clock::now();
+  std::vector<Worker> workers;
+  for (int i = 0; i < jobs.threads(); ++i) workers.push_back({FrictionCones(model), nullptr, {}, {}});
+  workers[0].policy = makePolicy(job, hand, object.model, fields);
+  for (Worker& worker : workers) {
+    if (!worker.policy) worker.policy = workers[0].policy->clone();
+  }
+  set.seconds["prepare"] = secondsSince(start);
+  TrialRun run{job, object, hand, counters, cancel, set, std::vector<std::vector<KeptGrasp>>(set.samples)};
+  jobs.run(
+      set.samples, 1, [&](int worker, std::size_t sample) { run.runSample(workers[worker], sample); }, &cancel);
   if (cancel) return std::nullopt;
 
+  start = std::chrono::steady_clock::now();
   std::vector<KeptGrasp> grasps;
-  for (auto& some : graspsOfSample) std::move(some.begin(), some.end(), std::back_inserter(grasps));
+  for (auto& some : run.graspsOfSample) std::move(some.begin(), some.end(), std::back_inserter(grasps));
   sortGrasps(grasps);
   keepGrasps(grasps, job.keepTop, job.keepDiverse, object.model.mass.radius);
   for (const KeptGrasp& grasp : grasps) addGrasp(job, object, hand, grasp, set);
   addNeighbors(job, object, set);
-  setTimings(object, seconds, set);
+  for (const Worker& worker : workers) set.trialsByReference += worker.byReference;
+  set.seconds["table"] = secondsSince(start);
+  setTimings(object, workers, set);
   return set;
 }
 

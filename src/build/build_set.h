@@ -4,10 +4,12 @@
 #include "build/job.h"
 #include "build/job_system.h"
 #include "sample/surface_samples.h"
+#include "simulate/fast_policy.h"
 #include "store/grasp_set.h"
 
 #include <atomic>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -31,6 +33,11 @@ std::string meshHash(const CatalogItem& item);
 /// The hash of everything that changes a set's results: mesh bytes and unit, hand files, parameters, method version.
 std::string inputHash(const Job& job, const CatalogItem& item, const std::string& meshHash, const Hand& hand);
 
+/// The policy that the job's `simulation` names. `fields` are the hand's, null for `reference`. `hand` and `object`
+/// must outlive it.
+std::unique_ptr<GraspPolicy> makePolicy(const Job& job, const Hand& hand, const ObjectModel& object,
+                                        const std::shared_ptr<const HandFields>& fields);
+
 WrenchModel wrenchModel(const Job& job, const CatalogItem& item, const ObjectModel& object);
 
 /// Candidate `trial` of N*R*M, in the order (sample, roll, preshape), rows first.
@@ -42,9 +49,10 @@ struct BuildCounters {
 };
 
 /// Runs all N*R*M trials of one object and hand on all threads of `jobs`. Results do not depend on their number.
+/// @param fields  as makePolicy has them
 /// @return nothing when `cancel` became true
 std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand,
-                                 const std::string& inputHash, const JobSystem& jobs, BuildCounters& counters,
-                                 const std::atomic<bool>& cancel);
+                                 const std::string& inputHash, const std::shared_ptr<const HandFields>& fields,
+                                 const JobSystem& jobs, BuildCounters& counters, const std::atomic<bool>& cancel);
 
 }  // namespace handhold

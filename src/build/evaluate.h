@@ -15,14 +15,23 @@ struct Evaluation {
   bool approachClear = false;       // of force-closed grasps
 };
 
-/// Seconds of one worker by stage; where they are added up only totals count.
+/// Seconds by stage.
 struct StageSeconds {
   double policy = 0, forceClosure = 0, epsilon = 0, approach = 0;
+
+  void add(const StageSeconds& other, double factor) {
+    policy += factor * other.policy;
+    forceClosure += factor * other.forceClosure;
+    epsilon += factor * other.epsilon;
+    approach += factor * other.approach;
+  }
 };
 
 /// Policy, force closure, epsilon, and for a force-closed grasp the hand against itself and the approach. Contacts are
-/// rounded to 32-bit floats first, so that a stored grasp can be recomputed from its record.
-void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, const WrenchModel& model, Evaluation& result,
+/// rounded to 32-bit floats first, so that a stored grasp can be recomputed from its record. Adds wall-clock seconds.
+/// `cones` and `result` are a worker's: with them, what follows the policy allocates nothing once it has seen as many
+/// contacts.
+void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, FrictionCones& cones, Evaluation& result,
               StageSeconds& seconds);
 
 }  // namespace handhold

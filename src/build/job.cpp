@@ -168,6 +168,14 @@ void readSampling(const YamlValue& sampling, Job& job) {
   }
 }
 
+void readSimulation(const YamlValue& simulation, Job& job) {
+  if (simulation.text() == "reference") {
+    job.simulation = Simulation::reference;
+  } else if (simulation.text() != "fast") {
+    simulation.refuse("fast or reference");
+  }
+}
+
 void readQuality(const YamlValue& quality, Job& job) {
   quality.allowKeys({"friction", "cone_edges", "contact_distance"});
   if (const YamlValue* friction = quality.find("friction")) job.friction = friction->positiveNumber();
@@ -192,9 +200,10 @@ Job loadJob(const std::string& path) {
   job.path = path;
   job.text = readFile(path);
   const YamlValue top = YamlValue::parseText(job.text, path);
-  top.allowKeys({"catalog", "hands", "sampling", "quality", "keep", "distance_map", "seed"});
+  top.allowKeys({"catalog", "hands", "sampling", "simulation", "quality", "keep", "distance_map", "seed"});
   if (const YamlValue* quality = top.find("quality")) readQuality(*quality, job);
   readSampling(top.require("sampling"), job);
+  if (const YamlValue* simulation = top.find("simulation")) readSimulation(*simulation, job);
   if (const YamlValue* keep = top.find("keep")) readKeep(*keep, job);
   if (const YamlValue* map = top.find("distance_map")) {
     map->allowKeys({"neighbors"});

@@ -21,6 +21,9 @@ struct CatalogItem {
   std::string where;           // FILE:LINE
 };
 
+/// Which implementation of the policy runs the trials.
+enum class Simulation { fast, reference };
+
 /// What a job file says (contract in the README). Paths are made relative to the working folder.
 struct Job {
   std::string path, text;
@@ -28,6 +31,7 @@ struct Job {
   std::vector<std::string> handPaths;
   std::vector<std::string> preshapes;  // empty: all
   PolicyKind policy = PolicyKind::surfaceNormal;
+  Simulation simulation = Simulation::fast;
   std::size_t samples = 0;  // wanted N; 0 when the pitch is given
   double pitch = 0;         // m
   int rolls = 16;
@@ -43,7 +47,7 @@ struct Job {
 /// @throws InputError  FILE:LINE: KEY ..., for every unknown key, wrong value, repeated name or missing folder
 Job loadJob(const std::string& path);
 
-/// The reference policy's settings with what the job says.
+/// The settings of both policies with what the job says.
 ReferenceSettings policySettings(const Job& job);
 
 /// The hands of a job, by name, with the job's choice of preshapes. @throws InputError

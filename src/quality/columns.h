@@ -22,8 +22,8 @@ InstructionSet instructionSet();
 const char* name(InstructionSet set);
 
 /// testForceClosure and epsilonMetric by a chosen instruction set, which the machine must have.
-ForceClosureResult testForceClosure(const WrenchMatrix& wrenches, InstructionSet set);
-double epsilonMetric(const WrenchMatrix& wrenches, const ForceClosureResult& closure, InstructionSet set);
+ForceClosureResult testForceClosure(const WrenchView& wrenches, InstructionSet set);
+double epsilonMetric(const WrenchView& wrenches, const ForceClosureResult& closure, InstructionSet set);
 
 struct alignas(64) ColumnBlock {
   std::array<std::array<double, 8>, 6> w;  // [k][l]: coordinate k of column 8 b + l
@@ -49,7 +49,7 @@ HANDHOLD_INLINE Lanes<W> laneNumbers() {
 }
 
 /// Copies into scratch, which keeps its memory.
-HANDHOLD_INLINE Columns packColumns(const WrenchMatrix& wrenches, std::vector<ColumnBlock>& scratch) {
+HANDHOLD_INLINE Columns packColumns(const WrenchView& wrenches, std::vector<ColumnBlock>& scratch) {
   const int n = static_cast<int>(wrenches.cols());
   const int nBlocks = (n + 7) / 8;
   if (scratch.size() < static_cast<std::size_t>(nBlocks)) scratch.resize(static_cast<std::size_t>(nBlocks));

@@ -46,17 +46,17 @@ constexpr std::uint32_t facetOf(Place place) { return place >> 3; }
 constexpr int sideOf(Place place) { return static_cast<int>(place & 7); }
 
 /// A facet of the inner polytope: a vertex n of the polar about the centre c, with n . (v - c) = 1 at its six vertices
-/// v. Two cache lines: what is mixed, and the rest.
+/// v. Two cache lines: what is mixed, and the rest. What every facet is asked for lies in dense arrays of Memory.
 struct alignas(64) Facet {
   std::array<double, 8> normal = {};     // n, then n . c, which mixes as n does, then 0
-  double norm = 0;                       // |n|
-  double height = 0;                     // n . (p - c) for the point p of `pass`
   std::array<Place, 6> neighbours = {};  // [k] across the ridge that misses vertices[k]
   std::array<std::uint16_t, 6> vertices = {};
-  std::uint32_t pass = 0;
   bool alive = false;
 };
 static_assert(sizeof(Facet) == 128);
+
+/// The normals of eight facets, coordinate by coordinate.
+struct alignas(64) NormalBlock : std::array<std::array<double, 8>, 6> {};
 
 /// Half of a pair of new facets that share p and four other vertices.
 struct HalfLink {
@@ -76,7 +76,12 @@ struct Memory {
 
   std::vector<polar::ColumnBlock> columnBlocks;
   std::vector<Facet> facets;
-  std::vector<double> distances;  // of the planes from the origin; infinite when dead or beyond the upper bound
+  std::vector<NormalBlock> normals;
+  std::vector<double> norms;          // |n|
+  std::vector<double> heights;        // n . (p - c) for the last point p
+  std::vector<double> excess;         // > 0 where the last point sees the facet
+  std::vector<std::uint32_t> passes;  // the last in which the facet was looked at
+  std::vector<double> distances;      // of the planes from the origin; infinite when dead
   std::vector<std::uint32_t> free;
   std::vector<std::uint32_t> seen;
   std::vector<Place> horizon;   // the seen sides
@@ -93,6 +98,11 @@ void Memory::reserve(std::size_t nFacetsWanted) {
   if (nFacetsWanted <= facets.size()) return;
   const std::size_t size = std::bit_ceil(std::max<std::size_t>(nFacetsWanted, 1024));
   facets.resize(size);
+  normals.resize(size / 8);
+  norms.resize(size);
+  heights.resize(size);
+  excess.resize(size);
+  passes.resize(size);
   distances.resize(size, HUGE_VAL);
   free.resize(size);
   seen.resize(size + 1);
@@ -107,15 +117,16 @@ class InnerPolytope {
       : memory_(memory), planeTolerance_(planeTolerance * radius), epsilonTolerance_(kEpsilonTolerance * radius) {}
 
   /// Radius of the largest ball about the origin in the hull of the columns; NaN when rounding stopped the expansion.
-  HANDHOLD_INLINE double expand(const WrenchMatrix& wrenches, const ForceClosureResult& closure);
+  HANDHOLD_INLINE double expand(const WrenchView& wrenches, const ForceClosureResult& closure);
 
  private:
-  HANDHOLD_INLINE void start(const WrenchMatrix& wrenches, const ForceClosureResult& closure);
+  HANDHOLD_INLINE void start(const WrenchView& wrenches, const ForceClosureResult& closure);
   HANDHOLD_INLINE std::uint32_t nearestFacet() const;
-  HANDHOLD_INLINE bool insert(int column, std::uint32_t first, double upper);
-  HANDHOLD_INLINE void measure(std::uint32_t index, double limit);
-  HANDHOLD_INLINE void collectSeen(const Point& point, std::uint32_t first);
-  HANDHOLD_INLINE bool coverRidge(Place ridge, int column, double limit);
+  HANDHOLD_INLINE bool insert(int column, std::uint32_t first);
+  HANDHOLD_INLINE void measure(std::uint32_t index);
+  HANDHOLD_INLINE void measureHeights(const Point& p);
+  HANDHOLD_INLINE void collectSeen(std::uint32_t first);
+  HANDHOLD_INLINE bool coverRidge(Place ridge, int column);
   HANDHOLD_INLINE bool link(std::uint64_t key, Place place);
   HANDHOLD_INLINE void prepareLinks();
   HANDHOLD_INLINE std::uint32_t newFacet();
@@ -148,20 +159,22 @@ void InnerPolytope<W>::setPoint(int vertex, const double* v) {
   for (int k = 0; k < 6; ++k) memory_.points[vertex][k] = v[k] - center_[k];
 }
 
-/// |n|, and the distance (1 + n . c) / |n|. A facet beyond the limit is never the nearest one at the end.
+/// |n|, and the distance (1 + n . c) / |n|.
 template <int W>
-void InnerPolytope<W>::measure(std::uint32_t index, double limit) {
-  Facet& facet = memory_.facets[index];
+void InnerPolytope<W>::measure(std::uint32_t index) {
+  const Facet& facet = memory_.facets[index];
+  NormalBlock& block = memory_.normals[index / 8];
+  for (int k = 0; k < 6; ++k) block[k][index % 8] = facet.normal[k];
   const Lanes<W> n = lanesOf<W>(facet.normal);
   const auto isNormal = polar::laneNumbers<W>() <= Lanes<W>::all(5);
-  facet.norm = std::sqrt(sum(select(isNormal, n * n, Lanes<W>::all(0))));
-  const double distance = (1 + facet.normal[6]) / facet.norm;
-  memory_.distances[index] = distance <= limit ? distance : HUGE_VAL;
+  const double norm = std::sqrt(sum(select(isNormal, n * n, Lanes<W>::all(0))));
+  memory_.norms[index] = norm;
+  memory_.distances[index] = (1 + facet.normal[6]) / norm;
 }
 
 /// Seven facets of {six basis columns, w0}; w0 is vertex number n. Facet k misses corner k.
 template <int W>
-void InnerPolytope<W>::start(const WrenchMatrix& wrenches, const ForceClosureResult& closure) {
+void InnerPolytope<W>::start(const WrenchView& wrenches, const ForceClosureResult& closure) {
   const int n = static_cast<int>(wrenches.cols());
   const RandomStream codes(0);
   while (memory_.codes.size() <= static_cast<std::size_t>(n)) {
@@ -184,7 +197,7 @@ void InnerPolytope<W>::start(const WrenchMatrix& wrenches, const ForceClosureRes
     Facet& facet = memory_.facets[newFacet()];
     for (int i = 0; i < 6; ++i) facet.normal[i] = simplex.normals[k][i];
     facet.normal[6] = simplex.normals[k].dot(center);
-    measure(static_cast<std::uint32_t>(k), HUGE_VAL);
+    measure(static_cast<std::uint32_t>(k));
     facet.alive = true;
     for (int corner = 0, side = 0; corner < 7; ++corner) {
       if (corner == k) continue;
@@ -214,34 +227,48 @@ std::uint32_t InnerPolytope<W>::nearestFacet() const {
   return static_cast<std::uint32_t>(least(select(isBest, bestBlock + polar::laneNumbers<W>(), none)));
 }
 
-/// Facets seen from the point, by flood from one of them, and the ridges where seen meets hidden. A facet is looked at
-/// from each of its seen neighbours, always with the same answer; the first time it joins the list.
+/// How far the point lies beyond every facet's plane; of dead facets it means nothing.
 template <int W>
-void InnerPolytope<W>::collectSeen(const Point& point, std::uint32_t first) {
-  Facet* const facets = memory_.facets.data();
+void InnerPolytope<W>::measureHeights(const Point& p) {
+  const Lanes<W> one = Lanes<W>::all(1);
+  for (std::uint32_t i = 0; i < memory_.nFacets; i += 8) {
+    const NormalBlock& block = memory_.normals[i / 8];
+    const auto term = [&](int k) { return lanesOf<W>(block[k]) * p[k]; };
+    const Lanes<W> height = ((term(0) + term(4)) + term(2)) + ((term(1) + term(5)) + term(3));
+    const Lanes<W> tolerance = Lanes<W>::load(memory_.norms.data() + i) * planeTolerance_;
+    height.store(memory_.heights.data() + i);
+    ((height - one) - tolerance).store(memory_.excess.data() + i);
+  }
+}
+
+/// Facets seen from the point, by flood from one of them, and the ridges where seen meets hidden. The first time that a
+/// facet is looked at from a neighbour it joins the list.
+template <int W>
+void InnerPolytope<W>::collectSeen(std::uint32_t first) {
+  const Facet* const facets = memory_.facets.data();
+  const double* const excess = memory_.excess.data();
+  std::uint32_t* const passes = memory_.passes.data();
   std::uint32_t* const seenList = memory_.seen.data();
   Place* const horizon = memory_.horizon.data();
-  const Lanes<W> p = lanesOf<W>(point);
-  facets[first].height = sum(lanesOf<W>(facets[first].normal) * p);
-  facets[first].pass = memory_.pass;
+  const std::uint32_t pass = memory_.pass;
+  std::size_t nSeen = 1, nHorizon = 0;
+  passes[first] = pass;
   seenList[0] = first;
-  nSeen_ = 1;
-  nHorizon_ = 0;
-  for (std::size_t i = 0; i < nSeen_; ++i) {
+  for (std::size_t i = 0; i < nSeen; ++i) {
     const std::uint32_t index = seenList[i];
     for (int side = 0; side < 6; ++side) {
       const std::uint32_t across = facetOf(facets[index].neighbours[side]);
-      Facet& neighbour = facets[across];
-      neighbour.height = sum(lanesOf<W>(neighbour.normal) * p);
-      const bool isSeen = neighbour.height - 1 > planeTolerance_ * neighbour.norm;
-      const bool isNew = neighbour.pass != memory_.pass;
-      neighbour.pass = memory_.pass;
-      seenList[nSeen_] = across;
-      nSeen_ += static_cast<std::size_t>(isSeen & isNew);
-      horizon[nHorizon_] = placeOf(index, side);
-      nHorizon_ += static_cast<std::size_t>(!isSeen);
+      const bool isSeen = excess[across] > 0;
+      const bool isNew = passes[across] != pass;
+      passes[across] = pass;
+      seenList[nSeen] = across;
+      nSeen += static_cast<std::size_t>(isSeen & isNew);
+      horizon[nHorizon] = placeOf(index, side);
+      nHorizon += static_cast<std::size_t>(!isSeen);
     }
   }
+  nSeen_ = nSeen;
+  nHorizon_ = nHorizon;
 }
 
 /// Joins two new facets across the ridge of p and the four vertices in `key`; false when a third one has that ridge.
@@ -265,7 +292,7 @@ bool InnerPolytope<W>::link(std::uint64_t key, Place place) {
 /// the seen V, where n . p = 1 (README.md, equation (9); p is taken from c):
 ///     n = n_G + alpha (n_V - n_G),   alpha = (1 - n_G . p) / (n_V . p - n_G . p) in [0, 1)
 template <int W>
-bool InnerPolytope<W>::coverRidge(Place ridge, int column, double limit) {
+bool InnerPolytope<W>::coverRidge(Place ridge, int column) {
   const std::uint32_t index = newFacet();
   Facet& facet = memory_.facets[index];
   const Facet& seen = memory_.facets[facetOf(ridge)];
@@ -273,12 +300,12 @@ bool InnerPolytope<W>::coverRidge(Place ridge, int column, double limit) {
   const Place hiddenPlace = seen.neighbours[missed];
   Facet& hidden = memory_.facets[facetOf(hiddenPlace)];
   // A point that lies on the plane of G within the tolerance may be a little beyond it: G's plane is kept.
-  const double below = std::max(0.0, 1 - hidden.height);
-  const double alpha = below / (below + (seen.height - 1));
+  const double below = std::max(0.0, 1 - memory_.heights[facetOf(hiddenPlace)]);
+  const double alpha = below / (below + (memory_.heights[facetOf(ridge)] - 1));
   const Lanes<W> g = lanesOf<W>(hidden.normal);
   (g + (lanesOf<W>(seen.normal) - g) * alpha).store(facet.normal.data());
-  measure(index, limit);
-  facet.pass = 0;
+  measure(index);
+  memory_.passes[index] = 0;
   facet.alive = true;
 
   facet.vertices = seen.vertices;  // the last takes the place of the one that the ridge misses, p comes last
@@ -305,19 +332,20 @@ void InnerPolytope<W>::prepareLinks() {
 
 /// Adds a column outside the facet `first`; false when rounding made the horizon no sphere.
 template <int W>
-bool InnerPolytope<W>::insert(int column, std::uint32_t first, double upper) {
+bool InnerPolytope<W>::insert(int column, std::uint32_t first) {
   if (++memory_.pass == 0) {  // once in 2^32 passes old marks could look new
     for (HalfLink& half : memory_.links) half.pass = 0;
-    for (Facet& facet : memory_.facets) facet.pass = 0;
+    std::fill(memory_.passes.begin(), memory_.passes.end(), 0);
     memory_.pass = 1;
   }
   memory_.isVertex[column] = 1;
-  collectSeen(memory_.points[column], first);
+  measureHeights(memory_.points[column]);
+  collectSeen(first);
   prepareLinks();
   if (memory_.nFacets + nHorizon_ > kFacetLimit) return false;
   memory_.reserve(memory_.nFacets + nHorizon_);  // references stay valid while ridges are covered
   for (std::size_t i = 0; i < nHorizon_; ++i) {
-    if (!coverRidge(memory_.horizon[i], column, upper + epsilonTolerance_)) return false;
+    if (!coverRidge(memory_.horizon[i], column)) return false;
   }
   for (std::size_t i = 0; i < nSeen_; ++i) {
     const std::uint32_t index = memory_.seen[i];
@@ -340,13 +368,13 @@ bool InnerPolytope<W>::planesHold() const {
     for (const std::uint16_t vertex : facet.vertices) {
       worst = std::max(worst, std::abs(sum(n * lanesOf<W>(memory_.points[vertex])) - 1));
     }
-    if (!(worst <= 0.1 * epsilonTolerance_ * facet.norm)) return false;
+    if (!(worst <= 0.1 * epsilonTolerance_ * memory_.norms[i])) return false;
   }
   return true;
 }
 
 template <int W>
-double InnerPolytope<W>::expand(const WrenchMatrix& wrenches, const ForceClosureResult& closure) {
+double InnerPolytope<W>::expand(const WrenchView& wrenches, const ForceClosureResult& closure) {
   const Columns columns = polar::packColumns(wrenches, memory_.columnBlocks);
   memory_.reserve(7);
   start(wrenches, closure);
@@ -355,36 +383,38 @@ double InnerPolytope<W>::expand(const WrenchMatrix& wrenches, const ForceClosure
     const std::uint32_t nearest = nearestFacet();
     if (nearest == kNone) return kNaN;
     const Facet& facet = memory_.facets[nearest];
+    const double norm = memory_.norms[nearest];
     const Support support = polar::supportColumn<W>(columns, facet.normal.data());
     if (support.column < 0) return kNaN;
-    upper = std::min(upper, support.value / facet.norm);
-    if (support.value - facet.normal[6] - 1 <= planeTolerance_ * facet.norm) {
+    upper = std::min(upper, support.value / norm);
+    if (!(memory_.distances[nearest] <= upper + epsilonTolerance_)) return kNaN;  // rounding: (8) does not hold
+    if (support.value - facet.normal[6] - 1 <= planeTolerance_ * norm) {
       const double distance = memory_.distances[nearest];
       return distance > 0 && planesHold() ? distance : kNaN;
     }
     if (memory_.isVertex[support.column]) return kNaN;  // a vertex beyond its own polytope
     setPoint(support.column, wrenches.col(support.column).data());
-    if (!insert(support.column, nearest, upper)) return kNaN;
+    if (!insert(support.column, nearest)) return kNaN;
   }
 }
 
-double expandBaseline(Memory& memory, const WrenchMatrix& wrenches, const ForceClosureResult& closure, double radius,
+double expandBaseline(Memory& memory, const WrenchView& wrenches, const ForceClosureResult& closure, double radius,
                       double planeTolerance) {
   return InnerPolytope<2>(memory, radius, planeTolerance).expand(wrenches, closure);
 }
 #ifdef __x86_64__
-[[gnu::target("avx2")]] double expandAvx2(Memory& memory, const WrenchMatrix& wrenches,
-                                          const ForceClosureResult& closure, double radius, double planeTolerance) {
+[[gnu::target("avx2")]] double expandAvx2(Memory& memory, const WrenchView& wrenches, const ForceClosureResult& closure,
+                                          double radius, double planeTolerance) {
   return InnerPolytope<4>(memory, radius, planeTolerance).expand(wrenches, closure);
 }
-[[gnu::target("avx512f,avx512dq,avx512vl")]] double expandAvx512(Memory& memory, const WrenchMatrix& wrenches,
+[[gnu::target("avx512f,avx512dq,avx512vl")]] double expandAvx512(Memory& memory, const WrenchView& wrenches,
                                                                  const ForceClosureResult& closure, double radius,
                                                                  double planeTolerance) {
   return InnerPolytope<8>(memory, radius, planeTolerance).expand(wrenches, closure);
 }
 #endif
 
-double expanded(InstructionSet set, const WrenchMatrix& wrenches, const ForceClosureResult& closure, double radius,
+double expanded(InstructionSet set, const WrenchView& wrenches, const ForceClosureResult& closure, double radius,
                 double planeTolerance) {
   thread_local Memory memory;
 #ifdef __x86_64__
@@ -395,10 +425,12 @@ double expanded(InstructionSet set, const WrenchMatrix& wrenches, const ForceClo
 }
 
 /// The columns in another order, each moved a little: another start simplex, and no two facets in one plane.
-WrenchMatrix shiftedWrenches(const WrenchMatrix& wrenches, double radius, int attempt) {
+Eigen::Map<const WrenchMatrix> shiftedWrenches(const WrenchView& wrenches, double radius, int attempt) {
+  thread_local std::vector<double> memory;
   const RandomStream stream = RandomStream(static_cast<std::uint64_t>(attempt));
   const int n = static_cast<int>(wrenches.cols());
-  WrenchMatrix shifted(6, n);
+  memory.resize(6 * static_cast<std::size_t>(n));
+  Eigen::Map<WrenchMatrix> shifted(memory.data(), 6, n);
   for (int j = 0; j < n; ++j) {
     for (int k = 0; k < 6; ++k) {
       const double shift =
@@ -406,17 +438,17 @@ WrenchMatrix shiftedWrenches(const WrenchMatrix& wrenches, double radius, int at
       shifted(k, (j + attempt * n / kTries) % n) = wrenches(k, j) + shift;
     }
   }
-  return shifted;
+  return {memory.data(), 6, n};
 }
 
 }  // namespace
 
-double polar::epsilonMetric(const WrenchMatrix& wrenches, const ForceClosureResult& closure, InstructionSet set) {
+double polar::epsilonMetric(const WrenchView& wrenches, const ForceClosureResult& closure, InstructionSet set) {
   const double radius = polar::wrenchRadius(wrenches);
   if (closure.verdict != ForceClosure::closed || !std::isfinite(radius) || wrenches.cols() > kColumnLimit) return kNaN;
   double epsilon = expanded(set, wrenches, closure, radius, kPlaneTolerance);
   for (int attempt = 1; attempt < kTries && std::isnan(epsilon); ++attempt) {
-    const WrenchMatrix shifted = shiftedWrenches(wrenches, radius, attempt);
+    const WrenchView shifted = shiftedWrenches(wrenches, radius, attempt);
     const ForceClosureResult shiftedClosure = polar::testForceClosure(shifted, set);
     if (shiftedClosure.verdict != ForceClosure::closed) continue;
     epsilon = expanded(set, shifted, shiftedClosure, radius, kShiftedPlaneTolerance);
@@ -424,7 +456,7 @@ double polar::epsilonMetric(const WrenchMatrix& wrenches, const ForceClosureResu
   return epsilon;
 }
 
-double epsilonMetric(const WrenchMatrix& wrenches, const ForceClosureResult& closure) {
+double epsilonMetric(const WrenchView& wrenches, const ForceClosureResult& closure) {
   return polar::epsilonMetric(wrenches, closure, polar::instructionSet());
 }
 

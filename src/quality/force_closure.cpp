@@ -46,7 +46,7 @@ HANDHOLD_INLINE Array8 stored(const Lanes<W>& a) {
   return array;
 }
 
-HANDHOLD_INLINE Array8 columnOf(const WrenchMatrix& wrenches, int j) {
+HANDHOLD_INLINE Array8 columnOf(const WrenchView& wrenches, int j) {
   Array8 w{};
   for (int k = 0; k < 6; ++k) w[k] = wrenches(k, j);
   return w;
@@ -97,7 +97,7 @@ HANDHOLD_INLINE Array8 multipliers(const Phase1<W>& phase) {
 
 /// The column that enters: the farthest along pi; after many pivots the first that improves (Bland's rule).
 template <int W>
-HANDHOLD_INLINE Support enteringColumn(const WrenchMatrix& wrenches, const Columns& columns, const Array8& pi,
+HANDHOLD_INLINE Support enteringColumn(const WrenchView& wrenches, const Columns& columns, const Array8& pi,
                                        double leastValue, int step) {
   if (step >= kBlandAfter) {
     for (int j = 0; j < columns.n; ++j) {
@@ -139,7 +139,7 @@ HANDHOLD_INLINE void pivot(Phase1<W>& phase, const Lanes<W>& u, int leaving, int
 
 /// Pivots until the artificials are gone (balanced) or no column reaches beyond the plane pi . w = 0 (separated).
 template <int W>
-HANDHOLD_INLINE Phase1End solvePhase1(const WrenchMatrix& wrenches, const Columns& columns, double radius,
+HANDHOLD_INLINE Phase1End solvePhase1(const WrenchView& wrenches, const Columns& columns, double radius,
                                       Phase1<W>& phase, Vector6& direction) {
   for (int step = 0; step < kPivotLimit; ++step) {
     if (phase.nArtificials == 0) return Phase1End::balanced;
@@ -206,7 +206,7 @@ HANDHOLD_INLINE Survey surveyed(const Columns& columns) {
 
 /// w0 = 0.7 w_lead + 0.3 sum c_j w_j / sum c_j. The leading wrench keeps w0 away from the origin, where a balanced set
 /// has its mean; unequal weights c_j break the ties of symmetric sets.
-HANDHOLD_INLINE Array8 strictMixture(const WrenchMatrix& wrenches, const Array8& mean, int lead) {
+HANDHOLD_INLINE Array8 strictMixture(const WrenchView& wrenches, const Array8& mean, int lead) {
   Array8 w0{};
   for (int k = 0; k < 6; ++k) w0[k] = 0.7 * wrenches(k, lead) + 0.3 * mean[k];
   return w0;
@@ -265,7 +265,7 @@ ForceClosureResult notClosed(const Vector6& direction) {
 }
 
 template <int W>
-HANDHOLD_INLINE ForceClosureResult decide(const WrenchMatrix& wrenches, std::vector<polar::ColumnBlock>& scratch) {
+HANDHOLD_INLINE ForceClosureResult decide(const WrenchView& wrenches, std::vector<polar::ColumnBlock>& scratch) {
   const Columns columns = polar::packColumns(wrenches, scratch);
   const Survey survey = surveyed<W>(columns);
   if (columns.n == 0 || survey.radius == 0) return notClosed(Vector6::Unit(0));  // any plane separates
@@ -296,15 +296,15 @@ HANDHOLD_INLINE ForceClosureResult decide(const WrenchMatrix& wrenches, std::vec
   return {};
 }
 
-ForceClosureResult decideBaseline(const WrenchMatrix& wrenches, std::vector<polar::ColumnBlock>& scratch) {
+ForceClosureResult decideBaseline(const WrenchView& wrenches, std::vector<polar::ColumnBlock>& scratch) {
   return decide<2>(wrenches, scratch);
 }
 #ifdef __x86_64__
-[[gnu::target("avx2")]] ForceClosureResult decideAvx2(const WrenchMatrix& wrenches,
+[[gnu::target("avx2")]] ForceClosureResult decideAvx2(const WrenchView& wrenches,
                                                       std::vector<polar::ColumnBlock>& scratch) {
   return decide<4>(wrenches, scratch);
 }
-[[gnu::target("avx512f,avx512dq,avx512vl")]] ForceClosureResult decideAvx512(const WrenchMatrix& wrenches,
+[[gnu::target("avx512f,avx512dq,avx512vl")]] ForceClosureResult decideAvx512(const WrenchView& wrenches,
                                                                              std::vector<polar::ColumnBlock>& scratch) {
   return decide<8>(wrenches, scratch);
 }
@@ -312,7 +312,7 @@ ForceClosureResult decideBaseline(const WrenchMatrix& wrenches, std::vector<pola
 
 }  // namespace
 
-ForceClosureResult polar::testForceClosure(const WrenchMatrix& wrenches, InstructionSet set) {
+ForceClosureResult polar::testForceClosure(const WrenchView& wrenches, InstructionSet set) {
   thread_local std::vector<ColumnBlock> scratch;
 #ifdef __x86_64__
   if (set == InstructionSet::avx512) return decideAvx512(wrenches, scratch);
@@ -321,7 +321,7 @@ ForceClosureResult polar::testForceClosure(const WrenchMatrix& wrenches, Instruc
   return decideBaseline(wrenches, scratch);
 }
 
-ForceClosureResult testForceClosure(const WrenchMatrix& wrenches) {
+ForceClosureResult testForceClosure(const WrenchView& wrenches) {
   return polar::testForceClosure(wrenches, polar::instructionSet());
 }
 

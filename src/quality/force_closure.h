@@ -4,6 +4,7 @@
 
 #include <array>
 #include <span>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -11,6 +12,9 @@ namespace handhold {
 
 /// Wrenches (force; torque / s), one a column, in the object frame about the centre of mass: (6, n).
 using WrenchMatrix = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
+/// A WrenchMatrix, some of its columns in a row, or columns that lie elsewhere one after another.
+using WrenchView = Eigen::Ref<const WrenchMatrix, 0, Eigen::OuterStride<6>>;
 
 /// How contacts become wrenches.
 struct WrenchModel {
@@ -29,6 +33,20 @@ struct WrenchModel {
 /// @return (6, nContacts m), column m i + j; NaN where a contact has NaN
 /// @note   Const; safe from many threads. Allocates the result only.
 WrenchMatrix frictionConeWrenches(std::span<const Contact> contacts, const WrenchModel& model);
+
+/// The same for one set of contacts after another, in memory that is kept: no call allocates once one has seen as many
+/// contacts. One a worker.
+class FrictionCones {
+ public:
+  explicit FrictionCones(const WrenchModel& model);
+  /// frictionConeWrenches(contacts, model), valid until the next call.
+  Eigen::Map<const WrenchMatrix> wrenches(std::span<const Contact> contacts);
+
+ private:
+  WrenchModel model_;
+  std::vector<Eigen::Vector2d> edges_;  // mu cos, mu sin
+  std::vector<double> columns_;
+};
 
 /// Distances in wrench space are relative to the longest column, R = max |w|.
 /// notClosed is proved by a plane that leaves no column more than this, times R, beyond it. Wrenches of a flat set
@@ -65,7 +83,7 @@ struct ForceClosureResult {
 /// @note Const; safe from many threads: scratch is thread_local and keeps its memory, so that no call allocates once
 ///       the thread has seen a set of this size. The same bits on every instruction set.
 /// Source: src/quality/README.md, equations (2) to (5).
-ForceClosureResult testForceClosure(const WrenchMatrix& wrenches);
+ForceClosureResult testForceClosure(const WrenchView& wrenches);
 
 /// Epsilon (Ferrari, Canny 1992): radius of the largest ball about the origin inside the convex hull of the columns, by
 /// a guided double description that starts from the simplex in `closure`.
@@ -73,9 +91,8 @@ ForceClosureResult testForceClosure(const WrenchMatrix& wrenches);
 /// @param closure   of testForceClosure, verdict closed
 /// @return the radius, within kEpsilonTolerance R; NaN when rounding stopped the expansion (never a guess)
 /// @note Safe from many threads: scratch is thread_local and keeps its memory, so that no call allocates once the
-///       thread has seen a set of this size; only a further try, after rounding stopped the first, copies the columns.
-///       The same bits on every instruction set.
+///       thread has seen a set of this size. The same bits on every instruction set.
 /// Source: src/quality/README.md, equations (6) to (9).
-double epsilonMetric(const WrenchMatrix& wrenches, const ForceClosureResult& closure);
+double epsilonMetric(const WrenchView& wrenches, const ForceClosureResult& closure);
 
 }  // namespace handhold

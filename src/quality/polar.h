@@ -15,7 +15,7 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 /// R = max |w|, the unit of every distance in wrench space; not finite when a column is not.
-inline double wrenchRadius(const WrenchMatrix& wrenches) {
+inline double wrenchRadius(const WrenchView& wrenches) {
   double largest = 0;
   double total = 0;  // a NaN survives a sum, not a maximum
   for (int j = 0; j < wrenches.cols(); ++j) {
@@ -50,7 +50,7 @@ inline StartSimplex startSimplex(const Matrix6& basis, const Vector6& interiorPo
   return simplex;
 }
 
-inline Matrix6 basisColumns(const WrenchMatrix& wrenches, const std::array<int, 6>& basis) {
+inline Matrix6 basisColumns(const WrenchView& wrenches, const std::array<int, 6>& basis) {
   Matrix6 columns;
   for (int k = 0; k < 6; ++k) columns.col(k) = wrenches.col(basis[k]);
   return columns;

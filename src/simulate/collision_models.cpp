@@ -101,4 +101,20 @@ void CollisionModels::trianglesNear(int link, const Eigen::Isometry3d& X_OL, dou
   triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
 }
 
+std::vector<std::pair<int, int>> linkPairsApart(const Hand& hand, const std::vector<Eigen::Isometry3d>& X_HL) {
+  std::vector<std::unique_ptr<Bvh>> models;
+  for (const HandLink& link : hand.links) {
+    models.push_back(link.mesh.triangles.empty() ? nullptr : makeBvh(link.mesh));
+  }
+  std::vector<std::pair<int, int>> pairs;
+  for (std::size_t a = 0; a < models.size(); ++a) {
+    for (std::size_t b = a + 1; b < models.size(); ++b) {
+      if (models[a] == nullptr || models[b] == nullptr) continue;
+      if (!touches(*models[a], X_HL[a], *models[b], X_HL[b]))
+        pairs.emplace_back(static_cast<int>(a), static_cast<int>(b));
+    }
+  }
+  return pairs;
+}
+
 }  // namespace handhold

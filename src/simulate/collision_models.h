@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -37,5 +38,8 @@ class CollisionModels {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// The pairs of links, lower index first, whose surfaces do not intersect at X_HL.
+std::vector<std::pair<int, int>> linkPairsApart(const Hand& hand, const std::vector<Eigen::Isometry3d>& X_HL);
 
 }  // namespace handhold

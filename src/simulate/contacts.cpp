@@ -1,6 +1,8 @@
 #include "simulate/contacts.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <tuple>
@@ -9,6 +11,7 @@ namespace handhold {
 namespace {
 
 using Eigen::Vector3d;
+using Place = ContactScratch::Place;
 
 /// The closest points of segments p0p1 and q0q1. Parallel segments take an end of the overlap; the other end comes up
 /// as a vertex against the other triangle.
@@ -23,9 +26,96 @@ std::pair<Vector3d, Vector3d> closestOnSegments(const Vector3d& p0, const Vector
   return {p0 + s * u, q0 + t * v};
 }
 
-Vector3d unitNormal(const Corners& t) { return (t[1] - t[0]).cross(t[2] - t[0]).normalized(); }
+// Added to the contact distance before something is ruled out: rounding of a coordinate or height of metres is 1e-15 m.
+constexpr double kRounding = 1e-9;  // m
+
+/// Which corners of a triangle lie beyond another one along an axis, a bit each.
+struct Sides {
+  unsigned above = 0, below = 0;
+  bool areBeyond(unsigned corners) const { return (above & corners) == corners || (below & corners) == corners; }
+};
+constexpr unsigned kAllCorners = 7;
+constexpr std::array<unsigned, 3> kCorner = {1, 2, 4}, kEdge = {3, 6, 5};
+
+/// Beyond: more than `reach` above or below all of `other`.
+Sides sidesOf(const Corners& triangle, const Corners& other, const Vector3d& axis, double reach) {
+  const double a = axis.dot(other[0]), b = axis.dot(other[1]), c = axis.dot(other[2]);
+  const double top = std::max(std::max(a, b), c) + reach, bottom = std::min(std::min(a, b), c) - reach;
+  Sides sides;
+  for (int i = 0; i < 3; ++i) {
+    const double height = axis.dot(triangle[i]);
+    sides.above |= height > top ? kCorner[i] : 0;
+    sides.below |= height < bottom ? kCorner[i] : 0;
+  }
+  return sides;
+}
+
+/// Are the lines of two edges farther apart than `reach`? Never when they are nearly parallel.
+bool linesAreApart(const Vector3d& p, const Vector3d& u, const Vector3d& q, const Vector3d& v, double reach) {
+  constexpr double kWellConditioned = 1e-6;  // squared sine of the angle
+  const Vector3d axis = u.cross(v);
+  const double square = axis.squaredNorm(), gap = axis.dot(p - q);
+  return gap * gap > reach * reach * square && square > kWellConditioned * u.squaredNorm() * v.squaredNorm();
+}
+
+/// Coordinate by coordinate more than `reach` apart?
+bool edgesAreApart(const Vector3d& p0, const Vector3d& p1, const Vector3d& q0, const Vector3d& q1, double reach) {
+  return (p0.cwiseMax(p1).array() + reach < q0.cwiseMin(q1).array()).any() ||
+         (p0.cwiseMin(p1).array() - reach > q0.cwiseMax(q1).array()).any();
+}
+
+Eigen::AlignedBox3d boxOf(const Corners& t, double margin) {
+  return {t[0].cwiseMin(t[1]).cwiseMin(t[2]).array() - margin, t[0].cwiseMax(t[1]).cwiseMax(t[2]).array() + margin};
+}
+
+/// The candidate that stays of those at one place; position and normal keep the order of adding out of it.
+bool isBetter(const ContactCandidate& a, const ContactCandidate& b) {
+  const auto rank = [](const ContactCandidate& c) {
+    const Vector3d &p = c.position, &n = c.normal;
+    return std::tuple(c.facing, c.gap, p.x(), p.y(), p.z(), n.x(), n.y(), n.z());
+  };
+  return rank(a) < rank(b);
+}
+
+/// The nearest whole number, halves away from zero.
+std::int64_t rounded(double x) {
+  const auto whole = static_cast<std::int64_t>(x);
+  const double rest = x - static_cast<double>(whole);
+  return whole + (rest >= 0.5) - (rest <= -0.5);
+}
+
+/// The cells of 0.1 um that hold candidates, in the order of their first, each with its best.
+void findPlaces(std::span<const ContactCandidate> candidates, ContactScratch& scratch) {
+  constexpr double kSamePlace = 1e-7;  // m
+  const std::size_t nSlots = std::bit_ceil(2 * candidates.size() + 1);
+  scratch.places.clear();
+  scratch.slots.assign(nSlots, 0);
+  for (const ContactCandidate& candidate : candidates) {
+    std::array<std::int64_t, 3> cell;
+    std::uint64_t hash = 0;
+    for (int k = 0; k < 3; ++k) {
+      cell[k] = rounded(candidate.position[k] / kSamePlace);
+      hash = (hash ^ static_cast<std::uint64_t>(cell[k])) * 0x9e3779b97f4a7c15;
+      hash ^= hash >> 32;
+    }
+    std::size_t slot = hash & (nSlots - 1);
+    while (scratch.slots[slot] != 0 && scratch.places[scratch.slots[slot] - 1].cell != cell) {
+      slot = (slot + 1) & (nSlots - 1);
+    }
+    if (scratch.slots[slot] == 0) {
+      scratch.places.push_back({cell, candidate, std::numeric_limits<double>::infinity()});
+      scratch.slots[slot] = static_cast<std::uint32_t>(scratch.places.size());
+    } else if (ContactCandidate& best = scratch.places[scratch.slots[slot] - 1].best; isBetter(candidate, best)) {
+      best = candidate;
+    }
+  }
+}
 
 }  // namespace
+
+ContactTriangle contactTriangle(const Corners& corners) {
+  return {corners, (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized()};
+}
 
 Vector3d closestPointOnTriangle(const Vector3d& p, const Corners& triangle) {
   const auto& [a, b, c] = triangle;
@@ -48,54 +138,67 @@ Vector3d closestPointOnTriangle(const Vector3d& p, const Corners& triangle) {
   return a + vb * scale * ab + vc * scale * ac;
 }
 
-void addContactCandidates(const Corners& object, const Corners& link, double contactDistance, bool twoSided,
-                          std::vector<ContactCandidate>& candidates) {
-  Vector3d normal = unitNormal(object);
-  double facing = normal.dot(unitNormal(link));
+// Most pairs have no candidate. Features are ruled out by a gap along an axis of length one (a normal, a coordinate
+// axis, the common normal of two edges), which is no larger than their distance, however badly the axis is known.
+void addContactCandidates(const ContactTriangle& object, const ContactTriangle& link, double contactDistance,
+                          bool twoSided, std::vector<ContactCandidate>& candidates) {
+  Vector3d normal = object.normal;
+  double facing = normal.dot(link.normal);
   if (twoSided && facing > 0) {
     normal = -normal;
     facing = -facing;
   }
   if (facing >= 0) return;
+  const double reach = contactDistance + kRounding;
+  const Corners &a = object.corners, &b = link.corners;
+  const Sides sidesA = sidesOf(a, b, link.normal, reach);
+  if (sidesA.areBeyond(kAllCorners)) return;
+  const Sides sidesB = sidesOf(b, a, object.normal, reach);
+  if (sidesB.areBeyond(kAllCorners)) return;
+
   const auto add = [&](const Vector3d& onObject, const Vector3d& onLink) {
     const double gap = (onObject - onLink).norm();
     if (gap <= contactDistance) candidates.push_back({onObject, normal, gap, facing});
   };
-  for (int i = 0; i < 3; ++i) add(object[i], closestPointOnTriangle(object[i], link));
-  for (int i = 0; i < 3; ++i) add(closestPointOnTriangle(link[i], object), link[i]);
+  const Eigen::AlignedBox3d boxA = boxOf(a, reach), boxB = boxOf(b, reach);
   for (int i = 0; i < 3; ++i) {
+    if (!sidesA.areBeyond(kCorner[i]) && boxB.contains(a[i])) add(a[i], closestPointOnTriangle(a[i], b));
+  }
+  for (int i = 0; i < 3; ++i) {
+    if (!sidesB.areBeyond(kCorner[i]) && boxA.contains(b[i])) add(closestPointOnTriangle(b[i], a), b[i]);
+  }
+  for (int i = 0; i < 3; ++i) {
+    if (sidesA.areBeyond(kEdge[i])) continue;
+    const Vector3d &p0 = a[i], &p1 = a[(i + 1) % 3];
     for (int j = 0; j < 3; ++j) {
-      const auto [p, q] = closestOnSegments(object[i], object[(i + 1) % 3], link[j], link[(j + 1) % 3]);
+      const Vector3d &q0 = b[j], &q1 = b[(j + 1) % 3];
+      if (sidesB.areBeyond(kEdge[j]) || edgesAreApart(p0, p1, q0, q1, reach)) continue;
+      if (linesAreApart(p0, p1 - p0, q0, q1 - q0, reach)) continue;
+      const auto [p, q] = closestOnSegments(p0, p1, q0, q1);
       add(p, q);
     }
   }
 }
 
-void selectContacts(std::vector<ContactCandidate>& candidates, int maximum, double spacing, std::uint16_t link,
-                    std::vector<Contact>& contacts) {
-  static constexpr double kSamePlace = 1e-7;  // m
-  const auto place = [](const ContactCandidate& c) {
-    const Eigen::Array3d cell = (c.position / kSamePlace).array().round();
-    return std::tuple(cell.x(), cell.y(), cell.z());
+void selectContacts(std::span<const ContactCandidate> candidates, int maximum, double spacing, std::uint16_t link,
+                    ContactScratch& scratch, std::vector<Contact>& contacts) {
+  findPlaces(candidates, scratch);
+  if (scratch.places.empty()) return;
+  const auto isCloser = [](const Place& a, const Place& b) {
+    return std::tie(a.best.gap, a.cell) < std::tie(b.best.gap, b.cell);
   };
-  std::sort(candidates.begin(), candidates.end(), [&](const auto& a, const auto& b) {
-    return std::tuple(place(a), a.facing, a.gap) < std::tuple(place(b), b.facing, b.gap);
-  });
-  const auto samePlace = [&](const auto& a, const auto& b) { return place(a) == place(b); };
-  candidates.erase(std::unique(candidates.begin(), candidates.end(), samePlace), candidates.end());
-  if (candidates.empty()) return;
-
-  std::vector<double> distance(candidates.size(), std::numeric_limits<double>::infinity());
-  std::size_t next = std::min_element(candidates.begin(), candidates.end(),
-                                      [](const auto& a, const auto& b) { return a.gap < b.gap; }) -
-                     candidates.begin();
+  const Place* next = &*std::min_element(scratch.places.begin(), scratch.places.end(), isCloser);
   for (int taken = 0; taken < maximum; ++taken) {
-    contacts.push_back({candidates[next].position, -candidates[next].normal, link});
-    for (std::size_t i = 0; i < candidates.size(); ++i) {
-      distance[i] = std::min(distance[i], (candidates[i].position - candidates[next].position).norm());
+    const ContactCandidate& last = next->best;
+    contacts.push_back({last.position, -last.normal, link});
+    next = nullptr;
+    for (Place& place : scratch.places) {
+      place.distance = std::min(place.distance, (place.best.position - last.position).norm());
+      const bool isFarther = next == nullptr || place.distance > next->distance ||
+                             (place.distance == next->distance && place.cell < next->cell);
+      if (isFarther) next = &place;
     }
-    next = std::max_element(distance.begin(), distance.end()) - distance.begin();
-    if (distance[next] < spacing) return;
+    if (next->distance < spacing) return;
   }
 }
 

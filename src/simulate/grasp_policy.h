@@ -56,6 +56,7 @@ struct GraspTrial {
   std::vector<ClosingStop> stops;                       // in the order of closing
   std::vector<Contact> contacts;                        // grouped by link, a few well-spread points each
   int collisionQueries = 0;
+  bool byReference = false;  // the fast policy left this trial to the reference
 };
 
 /// The palm frame G that faces along `approach` with its origin at `position`: z_G = approach; x_G at roll 0 points as

@@ -289,7 +289,7 @@ class ReferencePolicy final : public GraspPolicy {
       if (nearTriangles_.empty()) continue;
       collectCandidates(hand_.links[link].mesh, X_OL);
       selectContacts(candidates_, settings_.contactsPerLink, settings_.contactSpacing, static_cast<std::uint16_t>(link),
-                     trial.contacts);
+                     contactScratch_, trial.contacts);
     }
   }
 
@@ -310,10 +310,12 @@ class ReferencePolicy final : public GraspPolicy {
       for (Vector3d& corner : linkCorners) corner = X_OL * corner;
       const Eigen::AlignedBox3d linkBox = boxOf(linkCorners, settings_.contactDistance);
       if (!linkBox.intersects(nearBox)) continue;
+      const ContactTriangle linkTriangle = contactTriangle(linkCorners);
       for (const std::uint32_t i : nearTriangles_) {
         const Corners objectCorners = object_.mesh.corners(i);
         if (!linkBox.intersects(boxOf(objectCorners, 0))) continue;
-        addContactCandidates(objectCorners, linkCorners, settings_.contactDistance, !object_.watertight, candidates_);
+        addContactCandidates(contactTriangle(objectCorners), linkTriangle, settings_.contactDistance,
+                             !object_.watertight, candidates_);
       }
     }
   }
@@ -334,6 +336,7 @@ class ReferencePolicy final : public GraspPolicy {
   Vector3d centering_ = Vector3d::Zero();  // m, in O: moves the approach of a jaw that centres itself
   std::vector<std::uint32_t> nearTriangles_;
   std::vector<ContactCandidate> candidates_;
+  ContactScratch contactScratch_;
 };
 
 }  // namespace

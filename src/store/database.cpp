@@ -181,6 +181,7 @@ std::string firstDifference(const GraspSet& a, const GraspSet& b) {
     comparison.add(path, sameShape && isEqual(a.*member, b.*member));
   });
   comparison.add("/trials/outcome@names", a.outcomeNames == b.outcomeNames);
+  comparison.add("/trials@by_reference", a.trialsByReference == b.trialsByReference);
   return comparison.first();
 }
 

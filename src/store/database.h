@@ -19,6 +19,7 @@ struct GraspSetSummary {
   int coneEdges = 0;
   bool watertight = false;
   std::size_t samples = 0, rolls = 0, preshapes = 0, grasps = 0, bytes = 0;
+  std::uint64_t trialsByReference = 0;
   std::vector<std::pair<std::string, std::size_t>> outcomes;  // in the file's order, zero counts included
   double bestEpsilon = 0;                                     // 0 when there is no grasp
   std::map<std::string, double> seconds;

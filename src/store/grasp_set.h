@@ -38,6 +38,7 @@ struct GraspSet {
   std::vector<std::string> outcomeNames;
   std::vector<std::uint8_t> outcome;  // (N,R,M)
   std::vector<float> trialEpsilon;    // (N,R,M)
+  std::uint64_t trialsByReference = 0;
 
   // grasps, one row each
   std::vector<std::uint32_t> trial;            // (n,3) sample, roll, preshape

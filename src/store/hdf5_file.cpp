@@ -290,6 +290,10 @@ void Hdf5View::readNumbers(const std::string& path, NumberType type, void* value
   }
 }
 
+bool Hdf5View::hasAttribute(const std::string& object, const std::string& attribute) const {
+  return H5Aexists_by_name(file_, object.c_str(), attribute.c_str(), H5P_DEFAULT) > 0;
+}
+
 std::string Hdf5View::text(const std::string& path) const {
   const std::vector<std::string> all = texts(path);
   if (all.size() != 1) refuse(fmt::format("{} has {} texts, want one", path, all.size()));

@@ -89,6 +89,7 @@ class Hdf5View {
     readNumbers(path, numberType<T>(), values.data(), count);
     return values;
   }
+  bool hasAttribute(const std::string& object, const std::string& attribute) const;
   std::string text(const std::string& path) const;
   std::vector<std::string> texts(const std::string& path) const;
 

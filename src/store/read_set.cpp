@@ -186,6 +186,11 @@ void checkBlock(const Hdf5View& file, const SetBlock& block, const GraspSet& set
   check("input_hash", block.inputHash, set.inputHash);
 }
 
+/// Sets from before the attribute were run by the reference policy alone.
+std::uint64_t readByReference(const Hdf5View& file, std::size_t trials) {
+  return file.hasAttribute("/trials", "by_reference") ? file.number<std::uint64_t>("/trials", "by_reference") : trials;
+}
+
 void readArrays(const Hdf5View& file, GraspSet& set) {
   Sizes sizes{{'3', 3}, {'7', 7}, {'J', set.jointNames.size()}, {'M', set.preshapeNames.size()}};
   forEachArray([&](const char* path, auto member, std::string_view symbols) {
@@ -199,6 +204,7 @@ void readArrays(const Hdf5View& file, GraspSet& set) {
   set.preshapes = sizes.at('M');
   set.neighbors = static_cast<int>(sizes.at('k'));
   set.outcomeNames = file.textsAttribute("/trials/outcome", "names");
+  set.trialsByReference = readByReference(file, set.trialCount());
 }
 
 void readTimings(const Hdf5View& file, std::map<std::string, double>& seconds, std::string& host,
@@ -288,6 +294,7 @@ GraspSetSummary readSummary(const fs::path& path) {
   summary.samples = trials[0];
   summary.rolls = trials[1];
   summary.preshapes = trials[2];
+  summary.trialsByReference = readByReference(file, outcome.size());
   summary.grasps = epsilon.size();
   summary.bytes = kBlockBytes + block.bytes;
   summary.outcomes = countOutcomes(file, outcome);

@@ -116,6 +116,9 @@ void checkOutcomes(const GraspSet& set, std::string_view where) {
                                 set.outcomeNames.size()));
     }
   }
+  if (set.trialsByReference > set.trialCount()) {
+    refuse(where, fmt::format("/trials@by_reference is {}, want at most {}", set.trialsByReference, set.trialCount()));
+  }
 }
 
 /// Rows refer to trials that exist and stand in their order: falling epsilon, ties by trial.
@@ -219,6 +222,7 @@ std::string encodeHdf5(const GraspSet& set) {
     file.addArray(path, shapeOf(symbols, sizes), set.*member);
   });
   file.setTexts("/trials/outcome", "names", set.outcomeNames);
+  file.setNumber("/trials", "by_reference", set.trialsByReference);
   addTimings(file, set);
   return file.image();
 }

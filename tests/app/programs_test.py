@@ -70,12 +70,13 @@ class Programs(unittest.TestCase):
         self.assertIn("t_bar", table)
         info = json.loads(run("info", self.db / "t_bar/jaw/v0001.h5", "--format", "json").stdout)
         for key in ("object", "hand", "set_version", "samples", "rolls", "preshapes", "trials", "outcomes", "grasps",
-                    "best_epsilon", "seconds"):
+                    "best_epsilon", "seconds", "trials_by_reference"):
             self.assertIn(key, info)
         self.assertEqual(info["trials"], info["samples"] * info["rolls"] * info["preshapes"])
         self.assertEqual(sum(info["outcomes"].values()), info["trials"])
         self.assertEqual(info["outcomes"]["force_closed"], info["grasps"])
         self.assertIn("force_closed", run("info", self.db / "t_bar").stdout)
+        self.assertRegex(run("info", self.db / "t_bar").stdout, r"reference   ran \d+ of them")
 
     def test_format_of_built_sets(self):
         self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)

@@ -1,8 +1,12 @@
 // Times force closure and epsilon against GLPK, CLP and Qhull on the same contact sets, in one run.
 //
-//     bench_quality [--json] [--quick]
+//     bench_quality [--json] [--quick] [--database DIR]
 //
+// Then verdicts are checked, on random sets and on the stored grasps of a database (check_verdicts.h).
 // Every call gets another instance: a repeated one trains the branch predictor and looks three times as fast.
+#include "bench/check_verdicts.h"
+#include "bench/clp_margin.h"
+#include "bench/grasp_like_contacts.h"
 #include "quality/columns.h"
 #include "quality/force_closure.h"
 #include "quality/references.h"
@@ -12,19 +16,22 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <fstream>
 #include <numbers>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include <coin/Clp_C_Interface.h>
 #include <fmt/core.h>
 #include <nlohmann/json.hpp>
 
 namespace handhold {
 namespace {
 
+using bench::ClpMargin;
+using bench::graspLikeContacts;
+using bench::VerdictCounts;
 using nlohmann::ordered_json;
 
 constexpr int kConeEdges = 8;
@@ -34,27 +41,6 @@ constexpr double kLpMargin = 1e-10;  // a weight of the balance; the LP solvers 
 double microsecondsNow() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
   return std::chrono::duration<double, std::micro>(now).count();
-}
-
-/// A hand about a bottle, lying in metres: three fingers and a palm, each with a patch of contacts whose normals differ
-/// little, as the contacts of one link do.
-std::vector<Contact> graspLikeContacts(std::uint64_t seed, int nContacts) {
-  constexpr double kAzimuthDegrees[] = {90, 235, 305, 270};  // thumb, two fingers, palm
-  constexpr double kRadius = 0.035;
-  const RandomStream stream = RandomStream(seed).child(static_cast<std::uint64_t>(nContacts));
-  std::vector<Contact> contacts;
-  for (int i = 0; i < nContacts; ++i) {
-    const int link = i % 4;
-    const std::uint64_t ofLink = 2 * static_cast<std::uint64_t>(link);
-    const std::uint64_t own = 8 + 4 * static_cast<std::uint64_t>(i);
-    const double degrees = kAzimuthDegrees[link] + 40 * (stream.uniform(ofLink) - 0.5) + 15 * stream.uniform(own);
-    const double height = 0.06 * (stream.uniform(ofLink + 1) - 0.5) + 0.02 * (stream.uniform(own + 1) - 0.5);
-    const double angle = degrees * std::numbers::pi / 180;
-    const Eigen::Vector3d outward(std::cos(angle), std::sin(angle), 0);
-    const Eigen::Vector3d inward = -outward + 0.1 * testing::randomUnitVector(stream, own + 2);
-    contacts.push_back({kRadius * outward + height * Eigen::Vector3d::UnitZ(), inward.normalized(), 0});
-  }
-  return contacts;
 }
 
 struct Family {
@@ -69,52 +55,6 @@ WrenchMatrix instance(const Family& family, int nContacts, std::uint64_t seed) {
   }
   return frictionConeWrenches(testing::randomContacts(seed, nContacts, 0.3), {{0, 0, 0}, 1, kFriction, kConeEdges});
 }
-
-/// The linear program of glpkMargin by CLP. Its scaling is off: with it, entries of 1e-17 in a wrench give a wrong
-/// optimum that is reported as optimal.
-class ClpMargin {
- public:
-  ClpMargin() : model_(Clp_newModel()) {
-    Clp_setLogLevel(model_, 0);
-    Clp_scaling(model_, 0);
-    Clp_setOptimizationDirection(model_, -1);
-  }
-  ~ClpMargin() { Clp_deleteModel(model_); }
-  ClpMargin(const ClpMargin&) = delete;
-  ClpMargin& operator=(const ClpMargin&) = delete;
-
-  double operator()(const WrenchMatrix& wrenches) {
-    const int n = static_cast<int>(wrenches.cols());
-    starts_.clear();
-    rows_.clear();
-    values_.clear();
-    const Eigen::Matrix<double, 6, 1> sum = wrenches.rowwise().sum();
-    for (int j = 0; j <= n; ++j) {
-      starts_.push_back(7 * j);
-      for (int k = 0; k < 7; ++k) rows_.push_back(k);
-      for (int k = 0; k < 6; ++k) values_.push_back(j < n ? wrenches(k, j) : sum[k]);
-      values_.push_back(j < n ? 1 : n);
-    }
-    starts_.push_back(7 * (n + 1));
-    lower_.assign(n + 1, 0);
-    lower_[n] = -HUGE_VAL;
-    upper_.assign(n + 1, HUGE_VAL);
-    cost_.assign(n + 1, 0);
-    cost_[n] = 1;
-    const double rhs[7] = {0, 0, 0, 0, 0, 0, 1};
-    Clp_loadProblem(model_, n + 1, 7, starts_.data(), rows_.data(), values_.data(), lower_.data(), upper_.data(),
-                    cost_.data(), rhs, rhs);
-    Clp_primal(model_, 0);
-    if (Clp_status(model_) == 0) return Clp_objectiveValue(model_);
-    return Clp_status(model_) == 1 ? -HUGE_VAL : std::nan("");
-  }
-
- private:
-  Clp_Simplex* model_;
-  std::vector<CoinBigIndex> starts_;
-  std::vector<int> rows_;
-  std::vector<double> values_, lower_, upper_, cost_;
-};
 
 /// Times of single calls in repeats; each repeat has instances of its own.
 class Timings {
@@ -165,6 +105,8 @@ struct Sizes {
   int linearPrograms = 200;
   int epsilon = 300;
   double qhullBudget = 200;  // wrenches squared / 1000 a repeat: 50, 12 and 3 sets at 8, 16 and 32 contacts
+  int randomVerdicts = 100'000;
+  int storedGrasps = 10'000;
 };
 
 /// Our verdict and its time, on many instances; then the time of epsilon where it is closed.
@@ -294,6 +236,30 @@ ordered_json benchOne(const Family& family, int nContacts, const Sizes& sizes) {
   return result;
 }
 
+ordered_json countsJson(const VerdictCounts& counts) {
+  return {{"sets", counts.sets},
+          {"closed", counts.closed},
+          {"not_closed", counts.notClosed},
+          {"failed", counts.failed},
+          {"wrong_closed", counts.wrongClosed},
+          {"wrong_not_closed", counts.wrongNotClosed},
+          {"clp_undecided", counts.clpUndecided},
+          {"clp_disagrees", counts.clpDisagrees},
+          {"least_inradius", counts.leastInradius}};
+}
+
+ordered_json checkVerdicts(const Sizes& sizes, const std::string& database) {
+  ordered_json verdicts = {{"random", countsJson(bench::checkRandomVerdicts(sizes.randomVerdicts))}};
+  if (database.empty()) {
+    verdicts["stored"] = nullptr;
+    return verdicts;
+  }
+  const bench::StoredVerdicts stored = bench::checkStoredVerdicts(database, sizes.storedGrasps);
+  verdicts["stored"] = countsJson(stored.whole);
+  verdicts["stored_without_one_link"] = countsJson(stored.withoutOneLink);
+  return verdicts;
+}
+
 std::string cell(const ordered_json& timing) {
   if (timing.is_null()) return "-";
   return fmt::format("{:.2f} ({:.2f})", timing["median_us"].get<double>(), timing["p90_us"].get<double>());
@@ -331,17 +297,40 @@ void printTable(const ordered_json& report) {
              100 * spread(report, "force_closure"), 100 * spread(report, "epsilon"));
 }
 
+void printVerdicts(const ordered_json& verdicts) {
+  fmt::print(
+      "\nverdicts. Wrong: its proof does not hold (closed: strictly; not closed: within {:.2g} R). CLP does not "
+      "decide\n"
+      "where the least weight of its balance is below {:g}\n\n",
+      bench::kProofMargin, bench::kClpMargin);
+  fmt::print("{:24} {:>7} {:>7} {:>10} {:>6} {:>12} {:>16} {:>14} {:>12} {:>14}\n", "sets", "n", "closed", "not closed",
+             "failed", "wrong closed", "wrong not closed", "CLP undecided", "CLP differs", "least inradius");
+  for (const auto& [name, row] : verdicts.items()) {
+    if (row.is_null()) {
+      fmt::print("{:24} left out: name a built database with --database DIR\n", name);
+      continue;
+    }
+    const auto count = [&](const char* key) { return row[key].get<long>(); };
+    fmt::print("{:24} {:>7} {:>7} {:>10} {:>6} {:>12} {:>16} {:>14} {:>12} {:>14.1e}\n", name, count("sets"),
+               count("closed"), count("not_closed"), count("failed"), count("wrong_closed"), count("wrong_not_closed"),
+               count("clp_undecided"), count("clp_disagrees"), row["least_inradius"].get<double>());
+  }
+}
+
 int run(int argc, char** argv) {
   bool asJson = false;
+  std::string database;
   Sizes sizes;
   for (int i = 1; i < argc; ++i) {
     const std::string_view option = argv[i];
     if (option == "--json") {
       asJson = true;
     } else if (option == "--quick") {
-      sizes = {3, 500, 20, 100, 30};
+      sizes = {3, 500, 20, 100, 30, 5'000, 1'000};
+    } else if (option == "--database" && i + 1 < argc) {
+      database = argv[++i];
     } else {
-      fmt::print(stderr, "usage: bench_quality [--json] [--quick]\n");
+      fmt::print(stderr, "usage: bench_quality [--json] [--quick] [--database DIR]\n");
       return 2;
     }
   }
@@ -349,10 +338,12 @@ int run(int argc, char** argv) {
   for (const Family& family : kFamilies) {
     for (const int nContacts : {4, 8, 16, 32}) report["results"].push_back(benchOne(family, nContacts, sizes));
   }
+  report["verdicts"] = checkVerdicts(sizes, database);
   if (asJson) {
     fmt::print("{}\n", report.dump(2));
   } else {
     printTable(report);
+    printVerdicts(report["verdicts"]);
   }
   return 0;
 }
@@ -360,4 +351,9 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace handhold
 
-int main(int argc, char** argv) { return handhold::run(argc, argv); }
+int main(int argc, char** argv) try {
+  return handhold::run(argc, argv);
+} catch (const std::exception& error) {  // a database that cannot be read
+  fmt::print(stderr, "bench_quality: {}\n", error.what());
+  return 2;
+}

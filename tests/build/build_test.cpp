@@ -27,12 +27,13 @@ class Build : public ::testing::Test {
   }
   void TearDown() override { fs::remove_all(folder_); }
 
-  Job job(const std::string& catalog, const std::string& hands = "jaw", const std::string& more = "") const {
+  Job job(const std::string& catalog, const std::string& hands = "jaw", const std::string& more = "",
+          const std::string& top = "") const {
     const std::string source = HANDHOLD_SOURCE_DIR;
     std::ofstream(folder_ / "job.yaml") << "catalog:\n"
                                         << catalog << "hands: [" << source << "/hands/" << hands << "]\n"
-                                        << "sampling: {samples: 12, rolls: 3" << more
-                                        << "}\nquality: {friction: 0.5}\n";
+                                        << "sampling: {samples: 12, rolls: 3" << more << "}\nquality: {friction: 0.5}\n"
+                                        << top;
     return loadJob((folder_ / "job.yaml").string());
   }
 
@@ -83,6 +84,26 @@ TEST_F(Build, EveryTrialHasAnOutcomeAndTheTableAgrees) {
       EXPECT_EQ(set.approachDirection[3 * i + axis], -set.sampleNormal[3 * set.trial[3 * i] + axis]);
       EXPECT_EQ(set.targetPoint[3 * i + axis], set.samplePoint[3 * set.trial[3 * i] + axis]);
     }
+  }
+}
+
+// Beside the policies' results: which of them ran how many trials, and what the hand's fields took, once a run.
+TEST_F(Build, SetsSayWhichPolicyRanTheirTrials) {
+  const std::string objects = entry("box", "box.stl") + entry("t_bar", "t_bar.ply");
+  const auto fast = build(job(objects), "fast", 2);
+  const auto reference = build(job(objects, "jaw", "", "simulation: reference\n"), "reference", 2);
+  for (std::size_t i = 0; i < 2; ++i) {
+    ASSERT_EQ(fast[i].state, SetReport::State::built);
+    const GraspSetSummary &a = fast[i].summary, &b = reference[i].summary;
+    EXPECT_NE(a.inputHash, b.inputHash);
+    EXPECT_EQ(b.trialsByReference, b.samples * b.rolls * b.preshapes);
+    EXPECT_LE(a.trialsByReference, b.trialsByReference);
+    EXPECT_FALSE(b.seconds.contains("fields"));
+    EXPECT_EQ(a.seconds.at("fields") > 0, i == 0);  // counted in the first set that needs them
+    for (const char* stage : {"load", "sample", "prepare", "policy", "force_closure", "epsilon", "approach", "table"}) {
+      EXPECT_GE(a.seconds.at(stage), 0) << stage;
+    }
+    EXPECT_GT(a.seconds.at("policy"), 0);
   }
 }
 

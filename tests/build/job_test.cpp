@@ -56,6 +56,7 @@ TEST_F(JobFile, DefaultsAreThoseOfTheContract) {
   EXPECT_EQ(job.samples, 10U);
   EXPECT_EQ(job.rolls, 16);
   EXPECT_EQ(job.policy, PolicyKind::surfaceNormal);
+  EXPECT_EQ(job.simulation, Simulation::fast);
   EXPECT_EQ(job.friction, 0.4);
   EXPECT_EQ(job.coneEdges, 8);
   EXPECT_EQ(job.keepTop, 0U);
@@ -153,6 +154,14 @@ TEST_F(JobFile, RefusesSamplingWithoutOrWithBothMeasures) {
 TEST_F(JobFile, RefusesAnUnknownPolicy) {
   EXPECT_THAT(refusal(good_, "sampling: {samples: 4, policy: random}\n"),
               HasSubstr("want surface_normal or center_of_mass"));
+}
+
+TEST_F(JobFile, SimulationIsFastOrReference) {
+  const std::string sampling = "sampling: {samples: 4}\n";
+  EXPECT_EQ(load(good_, sampling + "simulation: fast\n").simulation, Simulation::fast);
+  EXPECT_EQ(load(good_, sampling + "simulation: reference\n").simulation, Simulation::reference);
+  EXPECT_THAT(refusal(good_, sampling + "simulation: exact\n"),
+              HasSubstr("job.yaml:5: simulation is \"exact\", want fast or reference"));
 }
 
 TEST_F(JobFile, RefusesFoldersThatGiveNothing) {

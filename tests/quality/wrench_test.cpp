@@ -75,6 +75,16 @@ TEST(FrictionConeWrenches, ConesAreRegular) {
   for (const Contact& contact : testing::randomContacts(7, 100)) expectCone(contact, 0.4);
 }
 
+// Kept memory holds nothing of the sets before, whatever their size.
+TEST(FrictionConeWrenches, AreTheSameInKeptMemory) {
+  const WrenchModel model{{0.1, -0.2, 0.3}, 1.7, 0.6, 6};
+  FrictionCones cones(model);
+  for (const int nContacts : {5, 12, 0, 3, 5}) {
+    const std::vector<Contact> contacts = testing::randomContacts(7, nContacts, 0.4);
+    EXPECT_EQ(WrenchMatrix(cones.wrenches(contacts)), frictionConeWrenches(contacts, model));
+  }
+}
+
 TEST(FrictionConeWrenches, NoContactsGiveNoColumns) { EXPECT_EQ(frictionConeWrenches({}, {}).cols(), 0); }
 
 TEST(FrictionConeWrenches, NotANumberStaysVisible) {

@@ -1,8 +1,13 @@
 #include "simulate/contacts.h"
 
 #include "core/random.h"
+#include "simulate/contacts_reference.h"
+#include "support/allocations.h"
 
 #include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -41,6 +46,11 @@ Corners square(double size, double z, bool up) {
   Corners t = {Vector3d(-s, -s, z), Vector3d(s, -s, z), Vector3d(s, s, z)};
   if (!up) std::swap(t[1], t[2]);
   return t;
+}
+
+void addContactCandidates(const Corners& object, const Corners& link, double contactDistance, bool twoSided,
+                          std::vector<ContactCandidate>& candidates) {
+  handhold::addContactCandidates(contactTriangle(object), contactTriangle(link), contactDistance, twoSided, candidates);
 }
 
 // A small face flush on a large one: the corners of the overlap are found, on the object, with the object's normal.
@@ -84,13 +94,164 @@ TEST(ContactCandidates, KnowCrossedEdges) {
   EXPECT_LT(candidates[0].position.norm(), 1e-4);
 }
 
+constexpr double kContactDistance = 1e-4;
+enum class Case { apart, touching, flush, vertexOnFace, edgesCrossed, edgesParallel, sliver, sharedEdge, count };
+const char* const kCaseNames[] = {"apart",         "touching",       "flush",  "vertex on face",
+                                  "crossed edges", "parallel edges", "sliver", "shared edge"};
+
+/// A random pair of triangles in one of the positions, some of which are degenerate.
+std::pair<Corners, Corners> trianglePair(Case kind, std::uint64_t seed) {
+  const RandomStream stream = RandomStream(seed).child(static_cast<std::uint64_t>(kind));
+  const auto number = [&](int i) { return stream.uniform(100 + i); };
+  const double size = std::pow(10.0, -3 + 2 * number(0));  // m
+  Corners a = {size * randomPoint(stream, 0), size * randomPoint(stream, 1), size * randomPoint(stream, 2)};
+  Corners b = {size * randomPoint(stream, 3), size * randomPoint(stream, 4), size * randomPoint(stream, 5)};
+  // Around the contact distance, on both sides of it and at times exactly there.
+  const double gap = kContactDistance * (number(1) < 0.2 ? 1 : 2 * number(2));
+  const Vector3d normal = contactTriangle(a).normal;
+  const auto moveTo = [&](const Vector3d& from, const Vector3d& to) {
+    for (Vector3d& corner : b) corner += to - from;
+  };
+  const Vector3d inside = 0.2 * a[0] + 0.5 * a[1] + 0.3 * a[2];
+  switch (kind) {
+    case Case::apart:
+      break;
+    case Case::touching:
+      moveTo((b[0] + b[1] + b[2]) / 3, (a[0] + a[1] + a[2]) / 3);
+      break;
+    case Case::flush:
+      for (Vector3d& corner : b) corner += (gap - normal.dot(corner - a[0])) * normal;
+      break;
+    case Case::vertexOnFace:
+      moveTo(b[0], inside + gap * normal);
+      break;
+    case Case::edgesCrossed:
+      moveTo(0.5 * (b[0] + b[1]), 0.3 * a[0] + 0.7 * a[1] + gap * normal);
+      break;
+    case Case::edgesParallel:
+      b[1] = b[0] + (2 * number(3) - 1) * (a[1] - a[0]);
+      moveTo(b[0], a[0] + number(4) * (a[1] - a[0]) + gap * normal);
+      break;
+    case Case::sliver:  // as thin as 32-bit coordinates allow
+      b[2] = b[0] + number(3) * (b[1] - b[0]) + std::pow(10.0, -8 * number(4)) * (b[2] - b[0]);
+      moveTo(b[number(5) < 0.5 ? 0 : 2], inside + gap * normal);
+      break;
+    case Case::sharedEdge:
+      b[0] = a[1];
+      b[1] = a[0];
+      break;
+    case Case::count:
+      break;
+  }
+  if (number(6) < 0.5) std::swap(b[1], b[2]);
+  if (number(7) < 0.5) std::swap(a, b);
+  return {a, b};
+}
+
+void expectEqual(const std::vector<ContactCandidate>& fast, const std::vector<ContactCandidate>& slow) {
+  ASSERT_EQ(fast.size(), slow.size());
+  for (std::size_t i = 0; i < slow.size(); ++i) {
+    ASSERT_EQ(fast[i].position, slow[i].position);
+    ASSERT_EQ(fast[i].normal, slow[i].normal);
+    ASSERT_EQ(fast[i].gap, slow[i].gap);
+    ASSERT_EQ(fast[i].facing, slow[i].facing);
+  }
+}
+
+// What is ruled out early has no candidate: bit for bit what comes out when every pair of features is measured.
+TEST(ContactCandidatesProperty, EqualTheReference) {
+  constexpr int kSeeds = 20000;
+  for (int kind = 0; kind < static_cast<int>(Case::count); ++kind) {
+    std::size_t nCandidates = 0, nPairsWith = 0;
+    for (int seed = 0; seed < kSeeds; ++seed) {
+      SCOPED_TRACE(std::string(kCaseNames[kind]) + " " + std::to_string(seed));
+      const auto [a, b] = trianglePair(static_cast<Case>(kind), static_cast<std::uint64_t>(seed));
+      std::vector<ContactCandidate> fast, slow;
+      addContactCandidates(a, b, kContactDistance, seed % 2 == 1, fast);
+      reference::addContactCandidates(a, b, kContactDistance, seed % 2 == 1, slow);
+      ASSERT_NO_FATAL_FAILURE(expectEqual(fast, slow));
+      nCandidates += slow.size();
+      nPairsWith += !slow.empty();
+    }
+    EXPECT_GT(nPairsWith, kSeeds / 100) << kCaseNames[kind];
+    EXPECT_GT(nCandidates, nPairsWith) << kCaseNames[kind];
+  }
+}
+
+/// Candidates of which many share a place, a gap or a direction, as where flat faces lie on a mesh's.
+std::vector<ContactCandidate> crowdedCandidates(std::uint64_t seed) {
+  const RandomStream stream(seed);
+  const int n = static_cast<int>(80 * stream.uniform(0));
+  std::vector<ContactCandidate> candidates;
+  for (int i = 0; i < n; ++i) {
+    const auto whole = [&](int k, int steps) { return std::floor(steps * stream.uniform(8 * i + k + 1)); };
+    ContactCandidate c;
+    c.position = 5e-4 * Vector3d(whole(0, 5), whole(1, 5), whole(2, 2) - 1);
+    c.position.x() += whole(3, 2) * 4e-8 * stream.uniform(8 * i + 8);  // elsewhere in the same place
+    c.normal = Vector3d::Unit(static_cast<int>(whole(4, 3)));
+    c.gap = 1e-5 * whole(5, 3);
+    c.facing = -0.5 - 0.1 * whole(6, 3);
+    candidates.push_back(c);
+  }
+  return candidates;
+}
+
+// One scratch for all sets, of many sizes; and neither way depends on the order in which candidates were added.
+TEST(SelectContactsProperty, EqualsTheReferenceInAnyOrder) {
+  ContactScratch scratch;
+  for (std::uint64_t seed = 0; seed < 5000; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    std::vector<ContactCandidate> candidates = crowdedCandidates(seed);
+    std::vector<Contact> fast, backwards, slow;
+    selectContacts(candidates, 4, 1e-3, 3, scratch, fast);
+    std::reverse(candidates.begin(), candidates.end());
+    selectContacts(candidates, 4, 1e-3, 3, scratch, backwards);
+    reference::selectContacts(candidates, 4, 1e-3, 3, slow);
+    ASSERT_EQ(fast.size(), slow.size());
+    ASSERT_EQ(backwards.size(), slow.size());
+    for (std::size_t i = 0; i < slow.size(); ++i) {
+      ASSERT_EQ(fast[i].position, slow[i].position);
+      ASSERT_EQ(fast[i].normal, slow[i].normal);
+      ASSERT_EQ(fast[i].link, slow[i].link);
+      ASSERT_EQ(backwards[i].position, slow[i].position);
+      ASSERT_EQ(backwards[i].normal, slow[i].normal);
+    }
+  }
+}
+
+// Once it has seen the sizes, a worker's scratch takes nothing from the heap.
+TEST(Contacts, SecondPassAllocatesNothing) {
+  if (!testing::countsAllocations()) GTEST_SKIP() << "a sanitizer has its own malloc";
+  ContactScratch scratch;
+  std::vector<ContactCandidate> candidates;
+  std::vector<Contact> contacts;
+  for (int pass = 0; pass < 2; ++pass) {
+    const long before = testing::allocations();
+    for (int seed = 0; seed < 100; ++seed) {
+      candidates.clear();
+      contacts.clear();
+      for (int i = 0; i < 40; ++i) {
+        const auto [a, b] = trianglePair(Case::flush, static_cast<std::uint64_t>(40 * seed + i));
+        addContactCandidates(a, b, kContactDistance, false, candidates);
+      }
+      selectContacts(candidates, 4, 1e-3, 0, scratch, contacts);
+    }
+    if (pass == 1) {
+      EXPECT_EQ(testing::allocations() - before, 0);
+    } else {
+      EXPECT_GT(testing::allocations() - before, 0);
+    }
+  }
+}
+
 TEST(SelectContacts, TakesTheClosestThenTheFarthest) {
   std::vector<ContactCandidate> candidates;
   for (int i = 0; i <= 10; ++i) {
     candidates.push_back({Vector3d(0.01 * i, 0, 0), Vector3d::UnitZ(), i == 2 ? 0.0 : 1e-5, -1});
   }
   std::vector<Contact> contacts;
-  selectContacts(candidates, 3, 1e-3, 7, contacts);
+  ContactScratch scratch;
+  selectContacts(candidates, 3, 1e-3, 7, scratch, contacts);
   ASSERT_EQ(contacts.size(), 3U);
   EXPECT_NEAR(contacts[0].position.x(), 0.02, 1e-15);  // the smallest gap
   EXPECT_NEAR(contacts[1].position.x(), 0.10, 1e-15);  // 80 mm from it
@@ -105,7 +266,8 @@ TEST(SelectContacts, LeavesOutWhatIsTooClose) {
   std::vector<ContactCandidate> candidates;
   for (int i = 0; i < 5; ++i) candidates.push_back({Vector3d(2e-4 * i, 0, 0), Vector3d::UnitZ(), 0, -1});
   std::vector<Contact> contacts;
-  selectContacts(candidates, 4, 1e-3, 0, contacts);
+  ContactScratch scratch;
+  selectContacts(candidates, 4, 1e-3, 0, scratch, contacts);
   EXPECT_EQ(contacts.size(), 1U);
 }
 
@@ -114,7 +276,8 @@ TEST(SelectContacts, PrefersTheOpposedNormalAtOnePlace) {
   std::vector<ContactCandidate> candidates = {{Vector3d::Zero(), Vector3d::UnitX(), 0, -0.1},
                                               {Vector3d::Zero(), Vector3d::UnitZ(), 0, -0.9}};
   std::vector<Contact> contacts;
-  selectContacts(candidates, 4, 1e-3, 0, contacts);
+  ContactScratch scratch;
+  selectContacts(candidates, 4, 1e-3, 0, scratch, contacts);
   ASSERT_EQ(contacts.size(), 1U);
   EXPECT_EQ(contacts[0].normal, -Vector3d::UnitZ());
 }
@@ -122,7 +285,8 @@ TEST(SelectContacts, PrefersTheOpposedNormalAtOnePlace) {
 TEST(SelectContacts, GivesNothingForNothing) {
   std::vector<ContactCandidate> candidates;
   std::vector<Contact> contacts;
-  selectContacts(candidates, 4, 1e-3, 0, contacts);
+  ContactScratch scratch;
+  selectContacts(candidates, 4, 1e-3, 0, scratch, contacts);
   EXPECT_TRUE(contacts.empty());
 }
 

@@ -123,6 +123,18 @@ TEST(Refusal, BlockOfAnotherSet) {
   expectRefusal(sealed(image, {"mug", "three-finger", 1, "ab", 0, ""}), "/@input_hash is 0011", false);
 }
 
+// No refusal: sets from before the attribute have none (here it has another name), the reference ran all of their
+// trials.
+TEST(OlderSet, WithoutCountOfTrialsByReference) {
+  std::string image = goodBytes().substr(kBlockBytes);
+  image.replace(image.find("by_reference"), 12, "by_nobody_12");
+  const TestFolder folder;
+  const fs::path path = folder.path() / "v0001.h5";
+  writeBytes(path, sealed(image, {"mug", "three-finger", 1, syntheticSet().inputHash, 0, ""}));
+  EXPECT_EQ(readGraspSet(path).trialsByReference, syntheticSet().trialCount());
+  EXPECT_EQ(readSummary(path).trialsByReference, syntheticSet().trialCount());
+}
+
 // Whole files whose content contradicts db/FORMAT.md. h5py makes them, so the reader is held against another writer.
 TEST(Refusal, ContradictionsInside) {
   if (std::system("/usr/bin/python3 -c 'import h5py' 2>/dev/null") != 0) GTEST_SKIP() << "needs python3-h5py";
@@ -165,6 +177,7 @@ TEST(Refusal, WriterChecksTheSet) {
       {"/grasps/backoff is inf at element 2",
        [](GraspSet& s) { s.backoff[2] = std::numeric_limits<float>::infinity(); }},
       {"/trials/outcome is 9 at element 1", [](GraspSet& s) { s.outcome[1] = 9; }},
+      {"/trials@by_reference is 97, want at most 96", [](GraspSet& s) { s.trialsByReference = 97; }},
       {"/grasps/trial row 3 is (12, ", [](GraspSet& s) { s.trial[9] = 12; }},
       {"/grasps/epsilon row 1 is 9 after", [](GraspSet& s) { s.epsilon[1] = 9; }},
       {"/grasps/epsilon row 16 is",

@@ -79,6 +79,7 @@ TEST(RoundTrip, SummaryCountsOutcomes) {
   EXPECT_EQ(summary.rolls, 4u);
   EXPECT_EQ(summary.preshapes, 2u);
   EXPECT_EQ(summary.grasps, 17u);
+  EXPECT_EQ(summary.trialsByReference, set.trialsByReference);
   EXPECT_EQ(summary.bytes, fs::file_size(path));
   EXPECT_EQ(summary.bestEpsilon, set.epsilon.front());
   EXPECT_TRUE(summary.watertight);
@@ -166,6 +167,7 @@ TEST(FirstDifference, NamesTheField) {
       {"/hand/links/finger%2F1/vertices", [](GraspSet& s) { s.linkMeshes[2].vertices[0].x() = 1; }},
       {"/trials/outcome", [](GraspSet& s) { s.outcome[5] = 1; }},
       {"/trials/outcome@names", [](GraspSet& s) { s.outcomeNames[1] = "x"; }},
+      {"/trials@by_reference", [](GraspSet& s) { ++s.trialsByReference; }},
       {"/grasps/epsilon", [](GraspSet& s) { s.epsilon[0] = 1; }},
       {"/samples/point",
        [](GraspSet& s) {

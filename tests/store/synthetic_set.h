@@ -141,6 +141,7 @@ inline GraspSet syntheticSet(const SyntheticSizes& sizes = {}, std::uint64_t see
   for (const std::string_view name : kOutcomeNames) set.outcomeNames.emplace_back(name);
   set.outcome.assign(set.trialCount(), 3);
   set.trialEpsilon.assign(set.trialCount(), std::numeric_limits<float>::quiet_NaN());
+  set.trialsByReference = set.samples;
   numbers.fill(set.mapPoint, 3 * 20);
   numbers.fillDirections(set.mapNormal, 20);
   set.neighbors = 5;

@@ -1,0 +1,825 @@
+#include "simulate/fast_kernels.h"
+
+#include <algorithm>
+#include <limits>
+
+// Three instruction sets: AVX-512, AVX2 with fused multiply-add, and plain code.
+#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SSE4 | HWY_AVX3_DL)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "simulate/fast_kernels.cpp"
+// clang-format off: this one includes the file again for each instruction set and must come first
+#include <hwy/foreach_target.h>
+// clang-format on
+#include <hwy/contrib/math/math-inl.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace handhold::kernels::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using D = hn::CappedTag<float, kGroup>;
+using DI = hn::RebindToSigned<D>;
+using DU = hn::RebindToUnsigned<D>;
+using V = hn::Vec<D>;
+using VI = hn::Vec<DI>;
+using M = hn::Mask<D>;
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+struct V3 {
+  V x, y, z;
+};
+
+HWY_INLINE V3 operator-(const V3& a, const V3& b) { return {hn::Sub(a.x, b.x), hn::Sub(a.y, b.y), hn::Sub(a.z, b.z)}; }
+HWY_INLINE V dot(const V3& a, const V3& b) { return hn::MulAdd(a.x, b.x, hn::MulAdd(a.y, b.y, hn::Mul(a.z, b.z))); }
+HWY_INLINE V3 cross(const V3& a, const V3& b) {
+  return {hn::Sub(hn::Mul(a.y, b.z), hn::Mul(a.z, b.y)), hn::Sub(hn::Mul(a.z, b.x), hn::Mul(a.x, b.z)),
+          hn::Sub(hn::Mul(a.x, b.y), hn::Mul(a.y, b.x))};
+}
+HWY_INLINE V3 scaled(const V3& a, V s) { return {hn::Mul(a.x, s), hn::Mul(a.y, s), hn::Mul(a.z, s)}; }
+HWY_INLINE V length(const V3& a) { return hn::Sqrt(dot(a, a)); }
+
+HWY_INLINE V3 rotate(const Placement& X, const V3& a) {
+  const D d;
+  const auto& r = X.rotation;
+  return {hn::MulAdd(hn::Set(d, r[0]), a.x, hn::MulAdd(hn::Set(d, r[1]), a.y, hn::Mul(hn::Set(d, r[2]), a.z))),
+          hn::MulAdd(hn::Set(d, r[3]), a.x, hn::MulAdd(hn::Set(d, r[4]), a.y, hn::Mul(hn::Set(d, r[5]), a.z))),
+          hn::MulAdd(hn::Set(d, r[6]), a.x, hn::MulAdd(hn::Set(d, r[7]), a.y, hn::Mul(hn::Set(d, r[8]), a.z)))};
+}
+
+HWY_INLINE V3 move(const Placement& X, const V3& a) {
+  const D d;
+  const V3 b = rotate(X, a);
+  return {hn::Add(b.x, hn::Set(d, X.translation[0])), hn::Add(b.y, hn::Set(d, X.translation[1])),
+          hn::Add(b.z, hn::Set(d, X.translation[2]))};
+}
+
+HWY_INLINE V3 load(const float* x, const float* y, const float* z) {
+  const D d;
+  return {hn::LoadU(d, x), hn::LoadU(d, y), hn::LoadU(d, z)};
+}
+
+/// Coordinates in lattice steps.
+template <class T>
+HWY_INLINE V3 inSteps(const Lattice<T>& lattice, const V3& p) {
+  const D d;
+  const V inverse = hn::Set(d, 1.0F / lattice.step);
+  return {hn::Mul(hn::Sub(p.x, hn::Set(d, lattice.origin.x())), inverse),
+          hn::Mul(hn::Sub(p.y, hn::Set(d, lattice.origin.y())), inverse),
+          hn::Mul(hn::Sub(p.z, hn::Set(d, lattice.origin.z())), inverse)};
+}
+
+/// The nearest node's index, and whether the point's cell is one of the lattice.
+template <class T>
+HWY_INLINE VI nearestNode(const Lattice<T>& lattice, const V3& p, M& inside) {
+  const D d;
+  const DI di;
+  const V3 u = inSteps(lattice, p);
+  const auto half = hn::Set(d, 0.5F);
+  const auto in = [&](V a, int size) {
+    const V b = hn::Add(a, half);
+    return hn::And(hn::Ge(b, hn::Zero(d)), hn::Lt(b, hn::Set(d, static_cast<float>(size))));
+  };
+  inside = hn::And(in(u.x, lattice.size[0]), hn::And(in(u.y, lattice.size[1]), in(u.z, lattice.size[2])));
+  const auto node = [&](V a) { return hn::ConvertTo(di, hn::IfThenElseZero(inside, hn::Add(a, half))); };
+  const VI row = hn::Add(hn::Mul(node(u.z), hn::Set(di, lattice.size[1])), node(u.y));
+  return hn::Add(hn::Mul(row, hn::Set(di, lattice.size[0])), node(u.x));
+}
+
+/// Interpolated distance at `p` (in the link frame), its gradient, and how far `p` lies outside the lattice, where the
+/// distance is a lower bound and the gradient is zero.
+struct Sampled {
+  V distance;
+  V3 gradient;
+  V outside;
+  VI cell;
+};
+
+HWY_INLINE Sampled sample(const Lattice<float>& lattice, const V3& p) {
+  const D d;
+  const DI di;
+  const V3 u = inSteps(lattice, p);
+  const V zero = hn::Zero(d), one = hn::Set(d, 1.0F);
+  const auto clamp = [&](V a, int size) {
+    return hn::Min(hn::Max(a, zero), hn::Set(d, static_cast<float>(size) - 1.001F));
+  };
+  const V3 c = {clamp(u.x, lattice.size[0]), clamp(u.y, lattice.size[1]), clamp(u.z, lattice.size[2])};
+  const VI ix = hn::ConvertTo(di, c.x), iy = hn::ConvertTo(di, c.y), iz = hn::ConvertTo(di, c.z);
+  const V3 f = {hn::Sub(c.x, hn::ConvertTo(d, ix)), hn::Sub(c.y, hn::ConvertTo(d, iy)),
+                hn::Sub(c.z, hn::ConvertTo(d, iz))};
+  const VI index =
+      hn::Add(hn::Mul(hn::Add(hn::Mul(iz, hn::Set(di, lattice.size[1])), iy), hn::Set(di, lattice.size[0])), ix);
+  const float* v = lattice.value.data();
+  const std::ptrdiff_t row = lattice.size[0], layer = row * lattice.size[1];
+  const V v000 = hn::GatherIndex(d, v, index), v100 = hn::GatherIndex(d, v + 1, index);
+  const V v010 = hn::GatherIndex(d, v + row, index), v110 = hn::GatherIndex(d, v + row + 1, index);
+  const V v001 = hn::GatherIndex(d, v + layer, index), v101 = hn::GatherIndex(d, v + layer + 1, index);
+  const V v011 = hn::GatherIndex(d, v + layer + row, index), v111 = hn::GatherIndex(d, v + layer + row + 1, index);
+  const auto mix = [&](V a, V b, V w) { return hn::MulAdd(hn::Sub(b, a), w, a); };
+  const V x00 = mix(v000, v100, f.x), x10 = mix(v010, v110, f.x), x01 = mix(v001, v101, f.x),
+          x11 = mix(v011, v111, f.x);
+  const V y0 = mix(x00, x10, f.y), y1 = mix(x01, x11, f.y);
+  const V gx0 = mix(hn::Sub(v100, v000), hn::Sub(v110, v010), f.y);
+  const V gx1 = mix(hn::Sub(v101, v001), hn::Sub(v111, v011), f.y);
+  const V inverse = hn::Set(d, 1.0F / lattice.step);
+  Sampled result;
+  result.distance = mix(y0, y1, f.z);
+  result.cell = index;
+  result.gradient = {hn::Mul(mix(gx0, gx1, f.z), inverse),
+                     hn::Mul(mix(hn::Sub(x10, x00), hn::Sub(x11, x01), f.z), inverse),
+                     hn::Mul(hn::Sub(y1, y0), inverse)};
+  const V3 off = u - c;
+  result.outside = hn::Mul(length(off), hn::Set(d, lattice.step));
+  const M out = hn::Gt(result.outside, hn::Set(d, 2e-6F + 0.002F * lattice.step));
+  const V positive = hn::Max(result.distance, zero);
+  const V bound = hn::Sqrt(hn::MulAdd(positive, positive, hn::Mul(result.outside, result.outside)));
+  result.distance = hn::IfThenElse(out, bound, result.distance);
+  const V keep = hn::IfThenElse(out, zero, one);
+  result.gradient = scaled(result.gradient, keep);
+  return result;
+}
+
+HWY_INLINE std::size_t storeSelected(M mask, V value, float* to) { return hn::CompressStore(value, mask, D(), to); }
+template <class VU>
+HWY_INLINE std::size_t storeSelected(M mask, VU value, std::uint32_t* to) {
+  return hn::CompressStore(value, hn::RebindMask(DU(), mask), DU(), to);
+}
+
+/// CompressStore may write a whole vector; these keep such writes within a group's worth of room.
+std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree& tree, const Placement& placement,
+                         std::uint32_t from, std::uint32_t to, std::uint32_t* ids, std::uint32_t* firsts) {
+  const D d;
+  const DU du;
+  const std::size_t N = hn::Lanes(d);
+  std::size_t count = 0;
+  const auto& super = tree.superblocks;
+  const V size[3] = {hn::Set(d, static_cast<float>(coarse.size[0] - 1)),
+                     hn::Set(d, static_cast<float>(coarse.size[1] - 1)),
+                     hn::Set(d, static_cast<float>(coarse.size[2] - 1))};
+  alignas(64) std::uint32_t passing[kGroup];
+  for (std::size_t i = 0; i < super.size(); i += N) {
+    const V3 u = inSteps(coarse, move(placement, load(&super.x[i], &super.y[i], &super.z[i])));
+    const V zero = hn::Zero(d);
+    const auto off = [&](V a, V last) { return hn::Sub(a, hn::Min(hn::Max(a, zero), last)); };
+    const V out = length({off(u.x, size[0]), off(u.y, size[1]), off(u.z, size[2])});
+    const V reach = hn::Mul(hn::LoadU(d, &super.radius[i]), hn::Set(d, 1.0F / coarse.step));
+    const M near = hn::Le(out, hn::Add(reach, hn::Set(d, 1.0F)));
+    const std::size_t n = storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), passing);
+    for (std::size_t k = 0; k < n; ++k) {
+      const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
+      for (std::size_t b = begin; b < std::min(begin + kGroup, tree.blocks.size()); b += N) {
+        M inside;
+        const V3 p = move(placement, load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b]));
+        const VI node = nearestNode(coarse, p, inside);
+        const auto cell =
+            hn::BitCast(du, hn::GatherIndex(DI(), reinterpret_cast<const std::int32_t*>(coarse.value.data()), node));
+        const M large =
+            hn::Gt(hn::LoadU(d, &tree.blocks.radius[b]), hn::Set(d, static_cast<float>(Motion::kBlockRadius)));
+        const auto asMask = hn::RebindMask(du, inside);
+        auto first = hn::IfThenElse(asMask, hn::And(cell, hn::Set(du, 0xFFFFU)), hn::Set(du, Motion::kNever));
+        auto last = hn::IfThenElseZero(asMask, hn::ShiftRight<16>(cell));
+        first = hn::IfThenElse(hn::RebindMask(du, large), hn::Zero(du), first);  // no bound for blocks of this size
+        last = hn::IfThenElse(hn::RebindMask(du, large), hn::Set(du, Motion::kLastUnit), last);
+        const auto touch = hn::AndNot(hn::Lt(last, hn::Set(du, from)), hn::Lt(first, hn::Set(du, to)));
+        const M mask = hn::RebindMask(d, touch);
+        hn::CompressStore(hn::Max(first, hn::Set(du, from)), touch, du, firsts + count);
+        count += storeSelected(mask, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
+      }
+    }
+  }
+  return count;
+}
+
+std::size_t SelectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, std::uint32_t block,
+                         const Placement& placement, std::uint32_t from, std::uint32_t to, float* x, float* y, float* z,
+                         std::uint32_t* firsts) {
+  const D d;
+  const DU du;
+  const std::size_t N = hn::Lanes(d);
+  std::size_t count = 0;
+  const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
+  for (std::size_t i = begin; i < begin + kGroup; i += N) {
+    M inside;
+    const V3 p = move(placement, load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
+    const VI node = nearestNode(fine, p, inside);
+    const auto cell =
+        hn::BitCast(du, hn::GatherIndex(DI(), reinterpret_cast<const std::int32_t*>(fine.value.data()), node));
+    const auto first = hn::And(cell, hn::Set(du, 0xFFFFU));
+    const auto last = hn::ShiftRight<16>(cell);
+    const auto touch = hn::And(hn::RebindMask(du, inside),
+                               hn::AndNot(hn::Lt(last, hn::Set(du, from)), hn::Lt(first, hn::Set(du, to))));
+    const M mask = hn::RebindMask(d, touch);
+    storeSelected(mask, p.x, x + count);
+    storeSelected(mask, p.y, y + count);
+    storeSelected(mask, p.z, z + count);
+    count += hn::CompressStore(hn::Max(first, hn::Set(du, from)), touch, du, firsts + count);
+  }
+  return count;
+}
+
+constexpr int kMostNodes = 24;
+
+/// The smallest distance of each point to a motion's leaves at its own s, the change of that distance with s, and the
+/// point's speed there.
+HWY_INLINE void motionDistance(const Motion& motion, std::span<const PlacedGrid> grids, const V3& p, V s, V& distance,
+                               V& change, V& speed) {
+  const D d;
+  V3 at[kMostNodes], velocity[kMostNodes];
+  const V3 still = {hn::Zero(d), hn::Zero(d), hn::Zero(d)};
+  const auto all = [&](double x) { return hn::Set(d, static_cast<float>(x)); };
+  for (std::size_t i = 0; i < motion.nodes.size(); ++i) {
+    const MotionNode& node = motion.nodes[i];
+    const V3 y = move(node.fromParent, node.parent < 0 ? p : at[node.parent]);
+    const V3 v = node.parent < 0 ? still : rotate(node.fromParent, velocity[node.parent]);
+    const V free = hn::MulAdd(all(node.rate), s, all(node.offset));
+    const V q = hn::Min(hn::Max(free, all(node.lower)), all(node.upper));
+    const V rate = hn::IfThenElseZero(hn::Eq(q, free), all(node.rate));
+    if (node.turns) {
+      const V c = hn::Cos(d, q), n = hn::Sin(d, q);
+      at[i].x = hn::MulAdd(c, y.x, hn::Mul(n, y.y));
+      at[i].y = hn::Sub(hn::Mul(c, y.y), hn::Mul(n, y.x));
+      at[i].z = y.z;
+      velocity[i].x = hn::MulAdd(rate, at[i].y, hn::MulAdd(c, v.x, hn::Mul(n, v.y)));
+      velocity[i].y = hn::Sub(hn::Sub(hn::Mul(c, v.y), hn::Mul(n, v.x)), hn::Mul(rate, at[i].x));
+      velocity[i].z = v.z;
+    } else {
+      at[i] = {y.x, y.y, hn::Sub(y.z, q)};
+      velocity[i] = {v.x, v.y, hn::Sub(v.z, rate)};
+    }
+  }
+  distance = hn::Set(d, kInfinity);
+  change = hn::Zero(d);
+  speed = hn::Set(d, 1e-6F);
+  for (std::size_t k = 0; k < motion.leaves.size(); ++k) {
+    const MotionLeaf& leaf = motion.leaves[k];
+    const V3 w = rotate(leaf.fromNode, velocity[leaf.node]);
+    const Sampled sampled = sample(grids[k].grid->distance, move(leaf.fromNode, at[leaf.node]));
+    const M nearer = hn::Lt(sampled.distance, distance);
+    distance = hn::IfThenElse(nearer, sampled.distance, distance);
+    change = hn::IfThenElse(nearer, dot(sampled.gradient, w), change);
+    speed = hn::Max(speed, length(w));
+  }
+}
+
+void RefineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const Points& points, const float* start,
+                  float from, float best, float* touched) {
+  constexpr int kRounds = 40;
+  constexpr float kTouch = 5e-6F;    // m: found
+  constexpr float kPassed = 4e-4F;   // m
+  constexpr float kCareful = 2e-4F;  // m, of a step where the distance does not say how far
+  constexpr float kGrazing = 0.05F;  // of the speed
+  const D d;
+  const std::size_t N = hn::Lanes(d);
+  const V infinity = hn::Set(d, kInfinity), begin = hn::Set(d, from), end = hn::Set(d, best);
+  for (std::size_t i = 0; i < kGroup; i += N) {
+    const V3 p = load(points.x + i, points.y + i, points.z + i);
+    V s = hn::LoadU(d, start + i);
+    V result = infinity;
+    V distance = infinity, change = hn::Zero(d), speed, before = s;
+    M active = hn::Lt(s, end);
+    for (int round = 0; round < kRounds && !hn::AllFalse(d, active); ++round) {
+      const V lastDistance = distance, lastChange = change;
+      motionDistance(motion, grids, p, s, distance, change, speed);
+      // Passed by: the tangents on both sides meet below the closest approach. Where that is close the surface between
+      // the points may have been touched.
+      const V apex =
+          hn::Div(hn::Sub(hn::MulAdd(change, hn::Sub(before, s), distance), lastDistance), hn::Sub(lastChange, change));
+      const V closest = hn::MulAdd(lastChange, apex, lastDistance);
+      const M passed = hn::And(hn::And(hn::Lt(lastChange, hn::Zero(d)), hn::Gt(change, hn::Zero(d))),
+                               hn::Lt(closest, hn::Set(d, kPassed)));
+      const M approaching = hn::Lt(change, hn::Mul(speed, hn::Set(d, -kGrazing)));
+      const M inside = hn::Lt(distance, hn::Zero(d));
+      const M within = hn::Le(hn::Abs(distance), hn::Set(d, kTouch));
+      const M atStart = hn::And(inside, hn::Le(s, begin));
+      // Inside without approaching: on its way out from the start, or come in at a grazing angle since.
+      const M grazed = hn::And(hn::Lt(distance, hn::Set(d, -kTouch)), hn::Not(approaching));
+      const M leaving = hn::And(grazed, atStart);
+      const M hit = hn::And(active, hn::Or(hn::And(approaching, hn::Or(within, atStart)), hn::AndNot(leaving, grazed)));
+      result = hn::IfThenElse(hit, s, result);
+      const M close = hn::AndNot(hit, hn::And(active, hn::AndNot(inside, passed)));
+      result = hn::IfThenElse(close, hn::Max(hn::Min(hn::Add(before, apex), s), before), result);
+      active = hn::AndNot(hn::Or(close, hn::Or(hit, leaving)), active);
+      before = s;
+      const V newton = hn::Div(distance, hn::Neg(change));
+      const V careful = hn::Div(hn::Max(distance, hn::Set(d, kCareful)), speed);
+      V step = hn::IfThenElse(approaching, newton, careful);
+      const V longest = hn::Div(hn::Set(d, 6e-3F), speed);
+      step = hn::Min(hn::Max(step, hn::Neg(longest)), longest);
+      s = hn::IfThenElse(active, hn::Max(hn::Add(s, step), begin), s);
+      active = hn::And(active, hn::Lt(s, end));
+    }
+    // Rounds used up: as far as it is known to be free, for the triangles to say.
+    hn::StoreU(hn::IfThenElse(active, s, result), d, touched + i);
+  }
+}
+
+void Distances(std::span<const PlacedGrid> grids, const Points& points, float* distance) {
+  const D d;
+  const std::size_t N = hn::Lanes(d);
+  for (std::size_t i = 0; i < kGroup; i += N) {
+    const V3 p = load(points.x + i, points.y + i, points.z + i);
+    V least = hn::Set(d, kInfinity);
+    for (const PlacedGrid& grid : grids)
+      least = hn::Min(least, sample(grid.grid->distance, move(grid.placement, p)).distance);
+    hn::StoreU(least, d, distance + i);
+  }
+}
+
+std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, const Placement& placement, float from,
+                          std::uint32_t* ids) {
+  const D d;
+  const DU du;
+  const std::size_t N = hn::Lanes(d);
+  std::size_t count = 0;
+  const Lattice<float>& lattice = coarse.top[0];
+  alignas(64) std::uint32_t passing[kGroup];
+  const auto& super = tree.superblocks;
+  for (std::size_t i = 0; i < super.size(); i += N) {
+    const V3 u = inSteps(lattice, move(placement, load(&super.x[i], &super.y[i], &super.z[i])));
+    const V zero = hn::Zero(d);
+    const auto off = [&](V a, int size) {
+      return hn::Sub(a, hn::Min(hn::Max(a, zero), hn::Set(d, static_cast<float>(size - 1))));
+    };
+    const V ox = off(u.x, lattice.size[0]), oy = off(u.y, lattice.size[1]);
+    const V reach = hn::MulAdd(hn::LoadU(d, &super.radius[i]), hn::Set(d, 1.0F / lattice.step), hn::Set(d, 1.0F));
+    const M near = hn::Le(hn::MulAdd(ox, ox, hn::Mul(oy, oy)), hn::Mul(reach, reach));
+    const std::size_t n = storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), passing);
+    for (std::size_t k = 0; k < n; ++k) {
+      const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
+      for (std::size_t b = begin; b < std::min(begin + kGroup, tree.blocks.size()); b += N) {
+        M inside;
+        V3 p = move(placement, load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b]));
+        const V z = p.z;
+        p.z = zero;
+        const VI node = nearestNode(lattice, p, inside);
+        const V top = hn::GatherIndex(d, lattice.value.data(), node);
+        const M large =
+            hn::Gt(hn::LoadU(d, &tree.blocks.radius[b]), hn::Set(d, static_cast<float>(Motion::kBlockRadius)));
+        const M real = hn::Lt(hn::Abs(z), hn::Set(d, 1e3F));
+        const M touch = hn::And(real, hn::Or(large, hn::And(inside, hn::Ge(hn::Sub(top, z), hn::Set(d, from)))));
+        count += storeSelected(touch, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
+      }
+    }
+  }
+  return count;
+}
+
+std::size_t ColumnIntervals(const ColumnField& fine, const ObjectShell& shell, std::uint32_t block,
+                            const Placement& placement, float from, float* x, float* y, float* z, float* const low[2],
+                            float* const high[2], std::uint32_t* const link[2]) {
+  const D d;
+  const DI di;
+  const DU du;
+  const std::size_t N = hn::Lanes(d);
+  std::size_t count = 0;
+  const Lattice<float>& lattice = fine.top[0];
+  const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
+  alignas(64) std::int32_t at[kGroup];
+  alignas(64) std::uint32_t links[2][kGroup];
+  for (std::size_t i = begin; i < begin + kGroup; i += N) {
+    M inside;
+    const V3 p = move(placement, load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
+    const VI node = nearestNode(lattice, {p.x, p.y, hn::Zero(d)}, inside);
+    const V top = hn::GatherIndex(d, lattice.value.data(), node);
+    const M touch = hn::And(inside, hn::Ge(hn::Sub(top, p.z), hn::Set(d, from)));
+    if (hn::AllFalse(d, touch)) continue;
+    hn::StoreU(node, di, at);
+    for (std::size_t k = 0; k < N; ++k) {
+      links[0][k] = fine.link[0][static_cast<std::size_t>(at[k])];
+      links[1][k] = fine.link[1][static_cast<std::size_t>(at[k])];
+    }
+    storeSelected(touch, p.x, x + count);
+    storeSelected(touch, p.y, y + count);
+    storeSelected(touch, p.z, z + count);
+    storeSelected(touch, hn::Sub(hn::GatherIndex(d, fine.bottom[0].value.data(), node), p.z), low[0] + count);
+    storeSelected(touch, hn::Sub(top, p.z), high[0] + count);
+    storeSelected(touch, hn::Sub(hn::GatherIndex(d, fine.bottom[1].value.data(), node), p.z), low[1] + count);
+    storeSelected(touch, hn::Sub(hn::GatherIndex(d, fine.top[1].value.data(), node), p.z), high[1] + count);
+    storeSelected(touch, hn::LoadU(du, links[0]), link[0] + count);
+    count += storeSelected(touch, hn::LoadU(du, links[1]), link[1] + count);
+  }
+  return count;
+}
+
+void InnerIntervals(const ColumnField& inner, std::size_t count, const float* x, const float* y, const float* z,
+                    float* const low[2], float* const high[2]) {
+  const D d;
+  const std::size_t N = hn::Lanes(d);
+  for (std::size_t i = 0; i < count; i += N) {
+    M inside;
+    const V above = hn::LoadU(d, z + i);
+    const VI node = nearestNode(inner.top[0], {hn::LoadU(d, x + i), hn::LoadU(d, y + i), hn::Zero(d)}, inside);
+    for (int k = 0; k < 2; ++k) {
+      const V bottom = hn::GatherIndex(d, inner.bottom[k].value.data(), node);
+      const V top = hn::GatherIndex(d, inner.top[k].value.data(), node);
+      hn::StoreU(hn::IfThenElse(inside, hn::Sub(bottom, above), hn::Set(d, kInfinity)), d, low[k] + i);
+      hn::StoreU(hn::IfThenElse(inside, hn::Sub(top, above), hn::Set(d, -kInfinity)), d, high[k] + i);
+    }
+  }
+}
+
+float Climb(float t, std::size_t count, const float* const low[2], const float* const high[2]) {
+  const D d;
+  const std::size_t N = hn::Lanes(d);
+  for (float before = -1; before != t;) {
+    before = t;
+    V now = hn::Set(d, t);
+    for (int k = 0; k < 2; ++k) {
+      for (std::size_t i = 0; i < count; i += N) {
+        const V end = hn::LoadU(d, high[k] + i);
+        const M run =
+            hn::And(hn::And(hn::Le(hn::LoadU(d, low[k] + i), now), hn::Gt(end, now)), hn::FirstN(d, count - i));
+        now = hn::IfThenElse(run, end, now);
+      }
+    }
+    t = hn::GetLane(hn::MaxOfLanes(d, now));
+  }
+  return t;
+}
+
+void RefineExit(const PlacedGrid& grid, const Points& points, const float* start, float best, float* left) {
+  constexpr int kRounds = 10;
+  constexpr float kTouch = 5e-6F;  // m
+  constexpr float kGrazing = 0.05F;
+  const D d;
+  const std::size_t N = hn::Lanes(d);
+  const V3 along = rotate(grid.placement, {hn::Zero(d), hn::Zero(d), hn::Set(d, 1.0F)});
+  for (std::size_t i = 0; i < kGroup; i += N) {
+    const V3 p = move(grid.placement, load(points.x + i, points.y + i, points.z + i));
+    V t = hn::LoadU(d, start + i);
+    V result = hn::Set(d, -kInfinity);
+    M active = hn::Gt(t, hn::Set(d, best));
+    for (int round = 0; round < kRounds && !hn::AllFalse(d, active); ++round) {
+      const V3 at = {hn::MulAdd(along.x, t, p.x), hn::MulAdd(along.y, t, p.y), hn::MulAdd(along.z, t, p.z)};
+      const Sampled sampled = sample(grid.grid->distance, at);
+      const V change = dot(sampled.gradient, along);
+      const M hit = hn::And(active, hn::Le(hn::Abs(sampled.distance), hn::Set(d, kTouch)));
+      result = hn::IfThenElse(hit, t, result);
+      const M inside = hn::Lt(sampled.distance, hn::Zero(d));
+      const M opening = hn::Gt(change, hn::Set(d, kGrazing));
+      // Inside where going down does not lead out: the start itself is blocked.
+      const M stuck = hn::And(active, hn::AndNot(hit, hn::AndNot(opening, inside)));
+      result = hn::IfThenElse(stuck, t, result);
+      active = hn::AndNot(hn::Or(hit, stuck), active);
+      const V newton = hn::Div(sampled.distance, change);
+      const V careful = hn::Max(sampled.distance, hn::Set(d, 2e-4F));
+      V step = hn::IfThenElse(opening, newton, careful);
+      step = hn::Min(hn::Max(step, hn::Set(d, -6e-3F)), hn::Set(d, 6e-3F));
+      t = hn::IfThenElse(active, hn::Sub(t, step), t);
+      active = hn::And(active, hn::Gt(t, hn::Set(d, best)));
+    }
+    hn::StoreU(result, d, left + i);
+  }
+}
+
+/// Spheres that may come within `margin` of the grid's surface, by the nearest node's value.
+HWY_INLINE M mayBeNear(const Lattice<float>& lattice, const V3& p, V radius, float margin) {
+  const D d;
+  const DI di;
+  const V3 u = inSteps(lattice, p);
+  const V zero = hn::Zero(d);
+  const auto clamp = [&](V a, int size) { return hn::Min(hn::Max(a, zero), hn::Set(d, static_cast<float>(size - 1))); };
+  const V3 c = {clamp(u.x, lattice.size[0]), clamp(u.y, lattice.size[1]), clamp(u.z, lattice.size[2])};
+  const V half = hn::Set(d, 0.5F);
+  const auto node = [&](V a) { return hn::ConvertTo(di, hn::Add(a, half)); };
+  const VI index = hn::Add(
+      hn::Mul(hn::Add(hn::Mul(node(c.z), hn::Set(di, lattice.size[1])), node(c.y)), hn::Set(di, lattice.size[0])),
+      node(c.x));
+  const V3 off = u - c;
+  const V reach = hn::Add(radius, hn::Set(d, margin));
+  const V outside = hn::Mul(dot(off, off), hn::Set(d, lattice.step * lattice.step));
+  const M close = hn::Le(outside, hn::Mul(reach, reach));
+  const V value = hn::GatherIndex(d, lattice.value.data(), index);
+  return hn::And(close, hn::Le(value, hn::Add(reach, hn::Set(d, 0.8661F * lattice.step))));
+}
+
+std::size_t NearBlocks(const PlacedGrid& grid, const SphereTree& tree, float margin, std::uint32_t* ids) {
+  const D d;
+  const DU du;
+  const std::size_t N = hn::Lanes(d);
+  std::size_t count = 0;
+  alignas(64) std::uint32_t passing[kGroup];
+  const auto& super = tree.superblocks;
+  for (std::size_t i = 0; i < super.size(); i += N) {
+    const M near = mayBeNear(grid.grid->distance, move(grid.placement, load(&super.x[i], &super.y[i], &super.z[i])),
+                             hn::LoadU(d, &super.radius[i]), margin);
+    const std::size_t n = storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), passing);
+    for (std::size_t k = 0; k < n; ++k) {
+      const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
+      for (std::size_t b = begin; b < std::min(begin + kGroup, tree.blocks.size()); b += N) {
+        const M touch = mayBeNear(grid.grid->distance,
+                                  move(grid.placement, load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b])),
+                                  hn::LoadU(d, &tree.blocks.radius[b]), margin);
+        count += storeSelected(touch, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
+      }
+    }
+  }
+  return count;
+}
+
+std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
+                          float margin, std::uint32_t* scratch, std::uint32_t* ids) {
+  const D d;
+  const DU du;
+  const DI di;
+  const std::size_t N = hn::Lanes(d);
+  const Lattice<float>& lattice = grid.grid->distance;
+  std::size_t passing = 0;
+  for (const std::uint32_t block : blocks) {
+    const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
+    for (std::size_t i = begin; i < begin + kGroup; i += N) {
+      const M near =
+          mayBeNear(lattice, move(grid.placement, load(&shell.sphere[0][i], &shell.sphere[1][i], &shell.sphere[2][i])),
+                    hn::LoadU(d, &shell.sphere[3][i]), margin);
+      passing += storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), scratch + passing);
+    }
+  }
+  for (std::size_t i = passing; i < (passing + N - 1) / N * N; ++i) scratch[i] = 0;
+  std::size_t count = 0;
+  const V reach = hn::Set(d, margin);
+  const V kinks = hn::Set(d, 2.0F / lattice.step);
+  const float* errors = grid.grid->error.data();
+  for (std::size_t i = 0; i < passing; i += N) {
+    const auto id = hn::LoadU(du, scratch + i);
+    const VI at = hn::BitCast(di, id);
+    const auto gather = [&](const auto& arrays, int k) {
+      return V3{hn::GatherIndex(d, arrays[k].data(), at), hn::GatherIndex(d, arrays[k + 1].data(), at),
+                hn::GatherIndex(d, arrays[k + 2].data(), at)};
+    };
+    const V3 c = move(grid.placement, gather(shell.sphere, 0));
+    const V radius = hn::GatherIndex(d, shell.sphere[3].data(), at);
+    const Sampled middle = sample(lattice, c);
+    const V error = hn::GatherIndex(d, errors, middle.cell);
+    const V bySphere = hn::Sub(hn::Sub(middle.distance, error), radius);
+    M near = hn::And(hn::Le(bySphere, reach), hn::FirstN(d, passing - i));
+    if (hn::AllFalse(d, near)) continue;
+    V3 corner[3];
+    for (int k = 0; k < 3; ++k) {
+      corner[k] = move(grid.placement, gather(shell.corner, 3 * k));
+    }
+    // The distance to a convex piece lies above its tangent planes; where pieces meet the corners themselves bound it.
+    V least = hn::Set(d, kInfinity);
+    const auto bound = [&](const Sampled& sampled, V off, const V3& p) {
+      V lowest = hn::Set(d, kInfinity), farthest = hn::Zero(d);
+      for (int k = 0; k < 3; ++k) {
+        const V3 way = corner[k] - p;
+        lowest = hn::Min(lowest, dot(sampled.gradient, way));
+        farthest = hn::Max(farthest, dot(way, way));
+      }
+      // The gradient is off by about the kink over a step; where that is much, the way there counts in full.
+      const V far = hn::Sqrt(farthest);
+      const V tangent = hn::NegMulAdd(hn::Mul(off, kinks), far, lowest);
+      const V way = hn::IfThenElse(hn::Eq(sampled.outside, hn::Zero(d)), hn::Max(tangent, hn::Neg(far)), hn::Neg(far));
+      return hn::Sub(hn::Add(sampled.distance, way), off);
+    };
+    V highest = hn::Max(bySphere, bound(middle, error, c));
+    for (int k = 0; k < 3; ++k) {
+      const Sampled there = sample(lattice, corner[k]);
+      const V off = hn::GatherIndex(d, errors, there.cell);
+      least = hn::Min(least, hn::Sub(there.distance, off));
+      highest = hn::Max(highest, bound(there, off, corner[k]));
+    }
+    near = hn::And(near, hn::Le(hn::Min(least, highest), reach));
+    count += storeSelected(near, id, ids + count);
+  }
+  return count;
+}
+
+void PlaceTriangles(const ObjectShell& shell, const Placement& placement, kernels::NearTriangles& near) {
+  const D d;
+  const DU du;
+  const DI di;
+  const std::size_t N = hn::Lanes(d);
+  const std::size_t count = near.id.size();
+  const std::size_t full = (count + kGroup - 1) / kGroup * kGroup;
+  near.id.resize(full, 0);
+  for (auto& array : near.value) array.resize(full);
+  for (std::size_t i = 0; i < full; i += N) {
+    const VI at = hn::BitCast(di, hn::LoadU(du, &near.id[i]));
+    const auto gather = [&](const auto& arrays, int k) {
+      return V3{hn::GatherIndex(d, arrays[k].data(), at), hn::GatherIndex(d, arrays[k + 1].data(), at),
+                hn::GatherIndex(d, arrays[k + 2].data(), at)};
+    };
+    const auto store = [&](const V3& a, int k) {
+      hn::StoreU(a.x, d, &near.value[k][i]);
+      hn::StoreU(a.y, d, &near.value[k + 1][i]);
+      hn::StoreU(a.z, d, &near.value[k + 2][i]);
+    };
+    for (int k = 0; k < 3; ++k) store(move(placement, gather(shell.corner, 3 * k)), 3 * k);
+    store(rotate(placement, gather(shell.normal, 0)), 9);
+  }
+  near.id.resize(count);
+}
+
+void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float reach, bool facing, Pairs& pairs) {
+  const D d;
+  const DU du;
+  const DI di;
+  const std::size_t N = hn::Lanes(d);
+  const auto& v = near.value;
+  const auto& lattice = grid.binBegin;
+  std::size_t count = 0;
+  for (std::uint32_t i = 0; i < near.id.size(); ++i) {
+    std::size_t bin = 0;
+    for (int axis = 2; axis >= 0; --axis) {
+      const float middle = (v[axis][i] + v[3 + axis][i] + v[6 + axis][i]) * (1.0F / 3);
+      const int at = static_cast<int>((middle - lattice.origin[axis]) / lattice.step + 0.5F);
+      bin = bin * lattice.size[axis] + static_cast<std::size_t>(std::min(std::max(at, 0), lattice.size[axis] - 1));
+    }
+    const std::uint32_t begin = lattice.value[bin], end = lattice.value[bin + 1];
+    const std::size_t room = count + (end - begin) + 2 * kGroup;
+    if (pairs.a.size() < room) {
+      pairs.a.resize(2 * room);
+      pairs.b.resize(2 * room);
+      pairs.enter.resize(2 * room);
+      pairs.leave.resize(2 * room);
+    }
+    const auto all = [&](int k) { return V3{hn::Set(d, v[k][i]), hn::Set(d, v[k + 1][i]), hn::Set(d, v[k + 2][i])}; };
+    const V3 a = all(0), b = all(3), c = all(6), normal = all(9);
+    V lower[3], upper[3];
+    for (int axis = 0; axis < 3; ++axis) {
+      const float p = v[axis][i], q = v[3 + axis][i], r = v[6 + axis][i];
+      lower[axis] = hn::Set(d, std::min(p, std::min(q, r)) - reach);
+      upper[axis] = hn::Set(d, std::max(p, std::max(q, r)) + reach);
+    }
+    for (std::uint32_t k = begin; k < end; k += static_cast<std::uint32_t>(N)) {
+      const auto id = hn::LoadU(du, &grid.binTriangles[k]);
+      const VI at = hn::BitCast(di, id);
+      const auto gather = [&](int j) { return hn::GatherIndex(d, grid.triangle[j].data(), at); };
+      M may = hn::FirstN(d, end - k);
+      for (int axis = 0; axis < 3; ++axis) {
+        may = hn::And(may, hn::And(hn::Le(hn::LoadU(d, &grid.binBox[axis][k]), upper[axis]),
+                                   hn::Ge(hn::LoadU(d, &grid.binBox[3 + axis][k]), lower[axis])));
+      }
+      if (hn::AllFalse(d, may)) continue;
+      const V3 n = {gather(9), gather(10), gather(11)};
+      const V offset = gather(12);
+      const V da = hn::Sub(dot(n, a), offset), db = hn::Sub(dot(n, b), offset), dc = hn::Sub(dot(n, c), offset);
+      const V low = hn::Min(da, hn::Min(db, dc)), high = hn::Max(da, hn::Max(db, dc));
+      may = hn::And(may, hn::And(hn::Le(low, hn::Set(d, reach)), hn::Ge(high, hn::Set(d, -reach))));
+      if (facing) may = hn::And(may, hn::Lt(dot(n, normal), hn::Zero(d)));
+      const std::size_t found = storeSelected(may, id, &pairs.b[count]);
+      for (std::size_t j = 0; j < found; ++j) pairs.a[count + j] = i;
+      count += found;
+    }
+  }
+  for (std::size_t j = count; j < (count + kGroup - 1) / kGroup * kGroup; ++j) pairs.a[j] = pairs.b[j] = 0;
+  pairs.count = count;
+}
+
+void TouchIntervals(const LinkGrid& grid, const kernels::NearTriangles& near, Pairs& pairs) {
+  constexpr float kSlack = 5e-8F;     // m: neighbours overlap rather than leave a gap
+  constexpr float kParallel = 1e-9F;  // squared sine
+  const D d;
+  const DI di;
+  const DU du;
+  const std::size_t N = hn::Lanes(d);
+  const V slack = hn::Set(d, kSlack), one = hn::Set(d, 1.0F);
+  for (std::size_t i = 0; i < pairs.count; i += N) {
+    const VI ia = hn::BitCast(di, hn::LoadU(du, &pairs.a[i])), ib = hn::BitCast(di, hn::LoadU(du, &pairs.b[i]));
+    const auto fromNear = [&](int k) {
+      return V3{hn::GatherIndex(d, near.value[k].data(), ia), hn::GatherIndex(d, near.value[k + 1].data(), ia),
+                hn::GatherIndex(d, near.value[k + 2].data(), ia)};
+    };
+    const auto fromLink = [&](int k) {
+      return V3{hn::GatherIndex(d, grid.triangle[k].data(), ib), hn::GatherIndex(d, grid.triangle[k + 1].data(), ib),
+                hn::GatherIndex(d, grid.triangle[k + 2].data(), ib)};
+    };
+    const V3 o[3] = {fromNear(0), fromNear(3), fromNear(6)};
+    const V3 w = fromNear(12);
+    const V3 l[3] = {fromLink(0), fromLink(3), fromLink(6)};
+    V first = hn::Set(d, kInfinity), last = hn::Set(d, -kInfinity);
+    const auto take = [&](M valid, V tau) {
+      first = hn::IfThenElse(valid, hn::Min(first, tau), first);
+      last = hn::IfThenElse(valid, hn::Max(last, tau), last);
+    };
+    const V3 oe[3] = {o[1] - o[0], o[2] - o[1], o[0] - o[2]};
+    const V3 le[3] = {l[1] - l[0], l[2] - l[1], l[0] - l[2]};
+    V objectLength[3], linkLength[3];
+    for (int k = 0; k < 3; ++k) {
+      objectLength[k] = length(oe[k]);
+      linkLength[k] = length(le[k]);
+    }
+    // Corners of one against the face of the other; `sense` turns the motion around for the link's corners.
+    const auto cornersAgainst = [&](const V3* corner, const V3* face, const V3* edge, const V* edgeLength,
+                                    float sense) {
+      const V3 n = cross(edge[0], edge[1]);
+      const V across = hn::Mul(length(n), hn::Neg(slack));  // -slack times 2 area
+      const V approach = hn::Mul(dot(n, w), hn::Set(d, sense));
+      for (int k = 0; k < 3; ++k) {
+        const V3 r = corner[k] - face[0];
+        const V tau = hn::Neg(hn::Div(dot(n, r), approach));
+        const V way = hn::Mul(tau, hn::Set(d, sense));
+        const V3 q = {hn::MulAdd(way, w.x, r.x), hn::MulAdd(way, w.y, r.y), hn::MulAdd(way, w.z, r.z)};
+        // Barycentric coordinates times (2 area)^2.
+        const V u = dot(cross(edge[0], q), n);
+        const V3 q1 = q - edge[0];
+        const V v = dot(cross(edge[1], q1), n);
+        const V s = dot(cross(edge[2], q), n);
+        take(hn::And(hn::Ge(u, hn::Mul(across, edgeLength[0])),
+                     hn::And(hn::Ge(v, hn::Mul(across, edgeLength[1])), hn::Ge(s, hn::Mul(across, edgeLength[2])))),
+             tau);
+      }
+    };
+    cornersAgainst(o, l, le, linkLength, 1.0F);
+    cornersAgainst(l, o, oe, objectLength, -1.0F);
+    for (int j = 0; j < 3; ++j) {
+      for (int k = 0; k < 3; ++k) {
+        const V3 c = cross(oe[j], le[k]);
+        const V cc = dot(c, c);
+        const V3 r = l[k] - o[j];
+        const V tau = hn::Div(dot(c, r), dot(c, w));
+        const V3 q = {hn::NegMulAdd(tau, w.x, r.x), hn::NegMulAdd(tau, w.y, r.y), hn::NegMulAdd(tau, w.z, r.z)};
+        const V onObject = hn::Div(dot(cross(q, le[k]), c), cc);
+        const V onLink = hn::Div(dot(cross(q, oe[j]), c), cc);
+        const M crossing = hn::Gt(cc, hn::Mul(hn::Set(d, kParallel), hn::Mul(dot(oe[j], oe[j]), dot(le[k], le[k]))));
+        const auto on = [&](V x, V edge) {
+          const V beyond = hn::Div(slack, edge);
+          return hn::And(hn::Ge(x, hn::Neg(beyond)), hn::Le(x, hn::Add(one, beyond)));
+        };
+        take(hn::And(crossing, hn::And(on(onObject, objectLength[j]), on(onLink, linkLength[k]))), tau);
+      }
+    }
+    hn::StoreU(first, d, &pairs.enter[i]);
+    hn::StoreU(last, d, &pairs.leave[i]);
+  }
+}
+
+}  // namespace
+}  // namespace handhold::kernels::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace handhold::kernels {
+
+HWY_EXPORT(SelectBlocks);
+HWY_EXPORT(SelectPoints);
+HWY_EXPORT(RefineMotion);
+HWY_EXPORT(Distances);
+HWY_EXPORT(SelectColumns);
+HWY_EXPORT(ColumnIntervals);
+HWY_EXPORT(RefineExit);
+HWY_EXPORT(Climb);
+HWY_EXPORT(InnerIntervals);
+HWY_EXPORT(NearBlocks);
+HWY_EXPORT(NearTriangles);
+HWY_EXPORT(PlaceTriangles);
+HWY_EXPORT(FindPairs);
+HWY_EXPORT(TouchIntervals);
+
+std::size_t selectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree& tree, const Placement& placement,
+                         std::uint32_t from, std::uint32_t to, std::uint32_t* ids, std::uint32_t* firsts) {
+  return HWY_DYNAMIC_DISPATCH(SelectBlocks)(coarse, tree, placement, from, to, ids, firsts);
+}
+std::size_t selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, std::uint32_t block,
+                         const Placement& placement, std::uint32_t from, std::uint32_t to, float* x, float* y, float* z,
+                         std::uint32_t* firsts) {
+  return HWY_DYNAMIC_DISPATCH(SelectPoints)(fine, shell, block, placement, from, to, x, y, z, firsts);
+}
+void refineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const Points& points, const float* s,
+                  float from, float best, float* touched) {
+  HWY_DYNAMIC_DISPATCH(RefineMotion)(motion, grids, points, s, from, best, touched);
+}
+void distances(std::span<const PlacedGrid> grids, const Points& points, float* distance) {
+  HWY_DYNAMIC_DISPATCH(Distances)(grids, points, distance);
+}
+std::size_t selectColumns(const ColumnField& coarse, const SphereTree& tree, const Placement& placement, float from,
+                          std::uint32_t* ids) {
+  return HWY_DYNAMIC_DISPATCH(SelectColumns)(coarse, tree, placement, from, ids);
+}
+std::size_t columnIntervals(const ColumnField& fine, const ObjectShell& shell, std::uint32_t block,
+                            const Placement& placement, float from, float* x, float* y, float* z, float* const low[2],
+                            float* const high[2], std::uint32_t* const link[2]) {
+  return HWY_DYNAMIC_DISPATCH(ColumnIntervals)(fine, shell, block, placement, from, x, y, z, low, high, link);
+}
+void innerIntervals(const ColumnField& inner, std::size_t count, const float* x, const float* y, const float* z,
+                    float* const low[2], float* const high[2]) {
+  HWY_DYNAMIC_DISPATCH(InnerIntervals)(inner, count, x, y, z, low, high);
+}
+float climb(float t, std::size_t count, const float* const low[2], const float* const high[2]) {
+  return HWY_DYNAMIC_DISPATCH(Climb)(t, count, low, high);
+}
+void refineExit(const PlacedGrid& grid, const Points& points, const float* start, float best, float* left) {
+  HWY_DYNAMIC_DISPATCH(RefineExit)(grid, points, start, best, left);
+}
+std::size_t nearBlocks(const PlacedGrid& grid, const SphereTree& tree, float margin, std::uint32_t* ids) {
+  return HWY_DYNAMIC_DISPATCH(NearBlocks)(grid, tree, margin, ids);
+}
+std::size_t nearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
+                          float margin, std::uint32_t* scratch, std::uint32_t* ids) {
+  return HWY_DYNAMIC_DISPATCH(NearTriangles)(grid, shell, blocks, margin, scratch, ids);
+}
+void placeTriangles(const ObjectShell& shell, const Placement& placement, NearTriangles& near) {
+  HWY_DYNAMIC_DISPATCH(PlaceTriangles)(shell, placement, near);
+}
+void findPairs(const LinkGrid& grid, const NearTriangles& near, float reach, bool facing, Pairs& pairs) {
+  HWY_DYNAMIC_DISPATCH(FindPairs)(grid, near, reach, facing, pairs);
+}
+void touchIntervals(const LinkGrid& grid, const NearTriangles& near, Pairs& pairs) {
+  HWY_DYNAMIC_DISPATCH(TouchIntervals)(grid, near, pairs);
+}
+
+}  // namespace handhold::kernels
+#endif

@@ -1,0 +1,97 @@
+#pragma once
+
+#include "simulate/hand_fields.h"
+#include "simulate/object_shell.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+// The inner loops of the fast policy, in single precision, for 4, 8 or 16 numbers at once (Highway picks the widest
+// instruction set that the machine has). Each result depends on its own lane alone, so that AVX2 and AVX-512 give equal
+// bits; without fused multiply-add last bits differ.
+namespace handhold::kernels {
+
+constexpr int kGroup = 16;
+
+/// Sixteen points.
+struct Points {
+  alignas(64) float x[kGroup], y[kGroup], z[kGroup];
+};
+
+/// A place in a grid's link frame.
+struct PlacedGrid {
+  const LinkGrid* grid = nullptr;
+  Placement placement;  // from the frame of the points
+};
+
+/// Blocks of the tree at X that a motion's coarse field lets touch for some s in [from, to): ids and first s, in field
+/// units. Returns their number.
+std::size_t selectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree& tree, const Placement& placement,
+                         std::uint32_t from, std::uint32_t to, std::uint32_t* ids, std::uint32_t* firsts);
+
+/// The points of one block that the fine field lets touch in [from, to): moved into the field's frame, with their first
+/// s. Returns their number, at most 16.
+std::size_t selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, std::uint32_t block,
+                         const Placement& placement, std::uint32_t from, std::uint32_t to, float* x, float* y, float* z,
+                         std::uint32_t* firsts);
+
+/// Where each point is first touched in the motion, by Newton's method on the interpolated distance, from s on; +inf
+/// when it is not before `best`. `grids`: by leaf.
+void refineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const Points& points, const float* s,
+                  float from, float best, float* touched);
+
+/// The smallest signed distance of each point to any of the grids.
+void distances(std::span<const PlacedGrid> grids, const Points& points, float* distance);
+
+/// Blocks that the hand backing off may touch at some t >= from. Returns their number.
+std::size_t selectColumns(const ColumnField& coarse, const SphereTree& tree, const Placement& placement, float from,
+                          std::uint32_t* ids);
+
+/// Of the points of one block, those that the hand may touch at some t >= from, moved into the palm frame: with two
+/// intervals of t and the link at the end of each. Returns their number.
+std::size_t columnIntervals(const ColumnField& fine, const ObjectShell& shell, std::uint32_t block,
+                            const Placement& placement, float from, float* x, float* y, float* z, float* const low[2],
+                            float* const high[2], std::uint32_t* const link[2]);
+
+/// The inner intervals of t of `count` points in the palm frame (arrays with room for whole groups).
+void innerIntervals(const ColumnField& inner, std::size_t count, const float* x, const float* y, const float* z,
+                    float* const low[2], float* const high[2]);
+
+/// The end of the run of intervals that t lies in (arrays with room for whole groups).
+float climb(float t, std::size_t count, const float* const low[2], const float* const high[2]);
+
+/// The largest t <= start at which each point, moving along z with t, leaves the grid's link; -inf when it is not above
+/// `best`.
+void refineExit(const PlacedGrid& grid, const Points& points, const float* start, float best, float* left);
+
+/// Blocks of the tree, and small triangles of these blocks, whose distance from the grid's surface may be at most
+/// `margin` [m]. `scratch`: room as for all triangles of the blocks. Return their number.
+std::size_t nearBlocks(const PlacedGrid& grid, const SphereTree& tree, float margin, std::uint32_t* ids);
+std::size_t nearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
+                          float margin, std::uint32_t* scratch, std::uint32_t* ids);
+
+/// Small triangles in a link's frame: corners (9), normal (3), velocity (3), as arrays.
+struct NearTriangles {
+  std::array<std::vector<float>, 15> value;
+  std::vector<std::uint32_t> id;  // in the shell
+};
+
+/// Moves the triangles `near.id` into the link frame.
+void placeTriangles(const ObjectShell& shell, const Placement& placement, NearTriangles& near);
+
+/// Pairs of a near triangle `a` and a link's triangle `b` with the interval of tau in which they meet.
+struct Pairs {
+  std::vector<std::uint32_t> a, b;
+  std::vector<float> enter, leave;
+  std::size_t count = 0;  // the arrays are longer
+};
+
+/// The pairs that may be within `reach` of each other and, when `facing`, face each other.
+void findPairs(const LinkGrid& grid, const NearTriangles& near, float reach, bool facing, Pairs& pairs);
+
+/// For each pair the interval of tau in which `a`, moved by tau times its velocity, meets `b`; enter > leave: none.
+/// Vertex against face both ways and edge against edge.
+void touchIntervals(const LinkGrid& grid, const NearTriangles& near, Pairs& pairs);
+
+}  // namespace handhold::kernels

@@ -1,0 +1,852 @@
+#include "simulate/fast_policy.h"
+
+#include "simulate/contacts.h"
+#include "simulate/fast_kernels.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace handhold {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using kernels::kGroup;
+using kernels::NearTriangles;
+using kernels::PlacedGrid;
+using kernels::Points;
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr double kClearance = 2e-6;  // m, a stop is this far on the free side
+constexpr double kConverged = 2e-7;  // m
+// How far ahead of a guess the exact search sees every pair [m]: a little more than contacts need, so that they need no
+// search of their own, and more when nothing is there.
+constexpr double kBeyondContacts = 6e-5, kMostWindow = 6e-4;
+constexpr double kSameAngle = 1e-5, kSameDistance = 1e-6;  // rad, m: links that touch within it stop a joint together
+constexpr double kHiddenWindow = 3e-3;                     // m, a free window that the dilated fields can hide
+constexpr std::size_t kMostMuted = 16;
+constexpr int kMostRounds = 24;  // of any exact search, before the trial goes to the reference
+
+/// The trial goes to the reference.
+struct Unsettled {};
+
+/// How fast points move: turn x p + shift.
+struct Twist {
+  Vector3d turn = Vector3d::Zero(), shift = Vector3d::Zero();
+
+  /// The same seen in the frame that X leads to.
+  Twist in(const Isometry3d& X) const {
+    const Vector3d turned = X.linear() * turn;
+    return {turned, X.linear() * shift - turned.cross(X.translation())};
+  }
+};
+
+/// A guess for a stop, then its exact value.
+struct Touch {
+  double s = 0;
+  bool touched = false;
+};
+
+}  // namespace
+namespace {
+class FastPolicy final : public GraspPolicy {
+ public:
+  FastPolicy(std::shared_ptr<const HandFields> fields, const Hand& hand, const ObjectModel& object, PolicyKind kind,
+             const ReferenceSettings& settings)
+      : fields_(std::move(fields)),
+        hand_(hand),
+        object_(object),
+        kind_(kind),
+        settings_(settings),
+        shell_(std::make_shared<const ObjectShell>(object)),
+        reference_(makeReferencePolicy(hand, object, kind, settings)) {
+    reserve();
+  }
+
+  FastPolicy(const FastPolicy& other)
+      : fields_(other.fields_),
+        hand_(other.hand_),
+        object_(other.object_),
+        kind_(other.kind_),
+        settings_(other.settings_),
+        shell_(other.shell_),
+        reference_(other.reference_->clone()) {
+    reserve();
+  }
+
+  std::unique_ptr<GraspPolicy> clone() const override { return std::make_unique<FastPolicy>(*this); }
+
+  void run(const GraspCandidate& candidate, GraspTrial& trial) override {
+    try {
+      runFast(candidate, trial);
+    } catch (const Unsettled&) {
+      reference_->run(candidate, trial);
+      trial.byReference = true;
+    }
+  }
+
+  bool approachIsClear(const GraspCandidate& candidate, const GraspTrial& trial) override {
+    constexpr double kBeyond = 1e-3;  // m: what ended the back-off is not met again
+    preshape_ = &fields_->preshapes[candidate.preshape];
+    X_GS_ =
+        palmPose(candidate.targetPoint + trial.centering, candidate.approach, candidate.roll).inverse() * fromShell();
+    const double start = trial.backoff + kBeyond;
+    return shellExit(start, true) <= start;
+  }
+
+  bool selfCollides(const GraspCandidate& candidate, const GraspTrial& trial) override {
+    forwardKinematics(hand_, trial.jointPosition, X_HL_);
+    const auto& pairs = fields_->preshapes[candidate.preshape].apart;
+    const bool sure =
+        std::all_of(pairs.begin(), pairs.end(), [&](const auto& pair) { return areApart(pair.first, pair.second); });
+    return !sure && reference_->selfCollides(candidate, trial);
+  }
+
+ private:
+  void reserve() {
+    const std::size_t blocks = shell_->pointTree.blocks.size() + kGroup;
+    blockIds_.resize(std::max(blocks, shell_->triangleTree.blocks.size() + kGroup));
+    blockFirsts_.resize(blocks);
+    nearIds_.resize(shell_->source.size() + kGroup);
+    scratchIds_.resize(shell_->source.size() + kGroup);
+  }
+
+  void runFast(const GraspCandidate& candidate, GraspTrial& trial) {
+    trial.outcome = GraspOutcome::notForceClosed;
+    trial.stops.clear();
+    trial.contacts.clear();
+    trial.centering.setZero();
+    trial.collisionQueries = 0;
+    trial.byReference = false;
+    for (Search& search : searches_) search.margin = -1;
+    trial.jointPosition = hand_.preshapes[candidate.preshape].jointPosition;
+    preshape_ = &fields_->preshapes[candidate.preshape];
+    X_HL_ = preshape_->X_HL;
+    backOff(candidate, trial);
+    if (!close(trial)) {
+      trial.outcome = GraspOutcome::blockedCentering;
+      return;
+    }
+    gatherContacts(trial);
+    constexpr std::size_t kFewestContacts = 3;
+    if (trial.contacts.size() < kFewestContacts) trial.outcome = GraspOutcome::tooFewContacts;
+  }
+
+  /// Are two links apart for sure: no sphere of one's cover near the other?
+  bool areApart(int a, int b) const {
+    const LinkGrid& grid = *fields_->grids[a];
+    const Isometry3d X_AB = X_HL_[a].inverse() * X_HL_[b];
+    if (grid.lowerBound(X_AB * fields_->grids[b]->center) > fields_->grids[b]->radius) return true;
+    const auto& spheres = fields_->covers[b].blocks;
+    for (std::size_t i = 0; i < spheres.size(); ++i) {
+      if (grid.lowerBound(X_AB * Vector3d(spheres.x[i], spheres.y[i], spheres.z[i])) <= spheres.radius[i]) return false;
+    }
+    return true;
+  }
+
+  Isometry3d fromShell() const { return Isometry3d(Eigen::Translation3d(shell_->center)); }
+
+  // ---- backing off
+
+  void backOff(const GraspCandidate& candidate, GraspTrial& trial) {
+    const Isometry3d X_OG = palmPose(candidate.targetPoint, candidate.approach, candidate.roll);
+    X_GS_ = X_OG.inverse() * fromShell();
+    const double standoff = hand_.preshapes[candidate.preshape].standoff;
+    double t = exit(settings_.startBackoff, kind_ == PolicyKind::centerOfMass);
+    if (standoff > 0) t = exit(t + standoff, false);
+    trial.backoff = t;
+    trial.X_OH =
+        palmPose(candidate.targetPoint - t * candidate.approach, candidate.approach, candidate.roll) * preshape_->X_GH;
+  }
+
+  /// The smallest free t >= start, or with `last` the smallest from which on all are free.
+  double exit(double start, bool last) {
+    const double guess = shellExit(start, last);
+    if (!last && guess > start + kHiddenWindow) {
+      const double free = earlierExit(start, guess);
+      if (free < guess) return free;
+    }
+    return exactExit(guess, start);
+  }
+
+  /// Between `start` and the guess, where dilated fields see no window, there may still be one: goes up through what
+  /// the hand covers for sure, and looks at the triangles wherever that ends before the guess does. `guess`: no window.
+  double earlierExit(double start, double guess) {
+    const std::size_t room = laneX_.size();
+    for (int k = 0; k < 2; ++k) {
+      innerLow_[k].resize(room);
+      innerHigh_[k].resize(room);
+    }
+    float* const low[2] = {innerLow_[0].data(), innerLow_[1].data()};
+    float* const high[2] = {innerHigh_[0].data(), innerHigh_[1].data()};
+    kernels::innerIntervals(preshape_->inner, lanes_, laneX_.data(), laneY_.data(), laneZ_.data(), low, high);
+    double t = start;
+    for (int round = 0; round < 8 * kMostRounds; ++round) {
+      t = kernels::climb(static_cast<float>(t), lanes_, low, high);
+      if (t > guess - kHiddenWindow) return guess;
+      const double above = exactChain(t, kMostWindow);
+      if (above == t) return t > start ? t + kClearance : t;
+      t = above;
+    }
+    throw Unsettled{};
+  }
+
+  /// The end of the run of triangle pairs that t lies in, as far as pairs within `window` tell; t itself when it is
+  /// free.
+  double exactChain(double t, double window) {
+    gatherExitIntervals(t, window);
+    double tau = 0;
+    for (double before = -1; before != tau;) {
+      before = tau;
+      for (const auto& [enter, leave] : intervals_) {
+        if (enter <= tau + 1e-8 && leave > tau + 1e-8) tau = leave;
+      }
+    }
+    return t + tau;
+  }
+
+  /// The same for the shell's points.
+  double shellExit(double start, bool last) {
+    const Placement placement = Placement::of(X_GS_);
+    const std::size_t blocks = kernels::selectColumns(preshape_->coarse, shell_->pointTree, placement,
+                                                      static_cast<float>(start), blockIds_.data());
+    std::size_t count = 0;
+    const std::size_t room = kGroup * (blocks + 1);
+    if (laneX_.size() < room) {
+      for (auto* array : {&laneX_, &laneY_, &laneZ_, &low_[0], &low_[1], &high_[0], &high_[1]}) array->resize(room);
+      for (auto& array : laneLink_) array.resize(room);
+    }
+    for (std::size_t i = 0; i < blocks; ++i) {
+      float* const low[2] = {&low_[0][count], &low_[1][count]};
+      float* const high[2] = {&high_[0][count], &high_[1][count]};
+      std::uint32_t* const link[2] = {&laneLink_[0][count], &laneLink_[1][count]};
+      count += kernels::columnIntervals(preshape_->fine, *shell_, blockIds_[i], placement, static_cast<float>(start),
+                                        &laneX_[count], &laneY_[count], &laneZ_[count], low, high, link);
+    }
+    lanes_ = count;
+    const auto first = static_cast<float>(start);
+    float top = first;
+    if (last) {
+      for (std::size_t i = 0; i < count; ++i) top = std::max(top, high_[0][i]);
+    } else {
+      const float* const low[2] = {low_[0].data(), low_[1].data()};
+      const float* const high[2] = {high_[0].data(), high_[1].data()};
+      top = kernels::climb(first, count, low, high);
+    }
+    while (top > first) {
+      const float floor = std::max(first, top - 6e-3F);
+      const float best = highestRoot(count, floor, top);
+      if (best > floor) return best;
+      top = floor;
+    }
+    return start;
+  }
+
+  /// The largest t in (floor, top] at which a point leaves the hand; `floor` when there is none.
+  float highestRoot(std::size_t count, float floor, float top) {
+    constexpr float kBand = 1.5e-3F;  // m
+    constexpr int kBands = 4;         // that (floor, top] spans
+    for (auto& band : exitBands_) band.clear();
+    for (int k = 0; k < 2; ++k) {
+      for (std::size_t i = 0; i < count; ++i) {
+        const float high = std::min(high_[k][i], top);
+        if (high <= floor || low_[k][i] > top) continue;
+        const int band = std::min(static_cast<int>((top - high) / kBand), kBands - 1);
+        exitBands_[band].push_back({static_cast<std::uint32_t>(i), laneLink_[k][i], high});
+      }
+    }
+    float best = floor;
+    for (int band = 0; band < kBands && top - static_cast<float>(band) * kBand > best; ++band) {
+      for (const ExitLane& lane : exitBands_[band]) {
+        if (lane.high > best) pushExit(lane.index, lane.link, lane.high, best);
+      }
+      for (const int link : fields_->links) flushExit(link, best);
+    }
+    return best;
+  }
+
+  void pushExit(std::size_t lane, std::uint32_t link, float t, float& best) {
+    ExitGroup& group = exitGroups_[link];
+    group.points.x[group.count] = laneX_[lane];
+    group.points.y[group.count] = laneY_[lane];
+    group.points.z[group.count] = laneZ_[lane];
+    group.start[group.count] = t;
+    if (++group.count == kGroup) flushExit(static_cast<int>(link), best);
+  }
+
+  void flushExit(int link, float& best) {
+    ExitGroup& group = exitGroups_[link];
+    if (group.count == 0) return;
+    for (int i = group.count; i < kGroup; ++i) {
+      group.points.x[i] = group.points.x[0];
+      group.points.y[i] = group.points.y[0];
+      group.points.z[i] = group.points.z[0];
+      group.start[i] = group.start[0];
+    }
+    const PlacedGrid grid = {fields_->grids[link].get(),
+                             Placement::of((preshape_->X_GH * preshape_->X_HL[link]).inverse())};
+    alignas(64) float left[kGroup];
+    kernels::refineExit(grid, group.points, group.start, best, left);
+    for (const float t : left) best = std::max(best, t);
+    group.count = 0;
+  }
+
+  /// From the shell's t to the one of the triangles: pairs near the hand give exact intervals of t.
+  double exactExit(double guess, double start) {
+    constexpr double kBelow = 2e-5;  // m
+    double t = std::max(start, guess - kBelow);
+    double window = leastWindow();
+    double descend = 3e-5;  // m
+    bool ascending = t == start;
+    for (int round = 0; round < kMostRounds; ++round) {
+      const double tau = exactChain(t, window) - t;
+      if (!(tau > 0)) {
+        if (ascending) return t > start ? t + kClearance : t;
+        t = std::max(start, t - descend);
+        window = std::clamp(descend, leastWindow(), kMostWindow);
+        descend *= 2;
+        ascending = t == start;
+        continue;
+      }
+      if (tau <= window) return t + tau + kClearance;
+      t += tau;
+      window = std::min(4 * window, kMostWindow);
+      ascending = true;
+    }
+    throw Unsettled{};
+  }
+
+  void gatherExitIntervals(double t, double window) {
+    intervals_.clear();
+    for (const int link : fields_->links) {
+      const Isometry3d X_LG = (preshape_->X_GH * preshape_->X_HL[link]).inverse();
+      const Isometry3d X_LS = X_LG * Eigen::Translation3d(0, 0, t) * X_GS_;
+      Search& search = searches_[link];
+      gather(link, X_LS, window, false, search);
+      const kernels::Pairs& pairs = search.pairs;
+      if (pairs.count == 0) continue;
+      setVelocity(X_LG.linear().col(2).cast<float>(), search.near);
+      kernels::touchIntervals(*fields_->grids[link], search.near, search.pairs);
+      for (std::size_t i = 0; i < pairs.count; ++i) {
+        if (pairs.enter[i] <= pairs.leave[i] && pairs.leave[i] > 0 && pairs.enter[i] <= 1.1 * window) {
+          intervals_.emplace_back(pairs.enter[i], pairs.leave[i]);
+        }
+      }
+    }
+  }
+
+  // ---- exact triangles
+
+  /// A link's triangles against those of the object that are near.
+  struct Search {
+    NearTriangles near;
+    kernels::Pairs pairs;
+    Isometry3d X_LS = Isometry3d::Identity();
+    double margin = -1;  // m, of the pairs; < 0: none of this trial
+  };
+
+  /// The pairs of a link at X_LS within `margin`; with `facing` only those that face each other.
+  void gather(int link, const Isometry3d& X_LS, double margin, bool facing, Search& search) {
+    const LinkGrid& grid = *fields_->grids[link];
+    search.X_LS = X_LS;
+    search.margin = margin;
+    search.near.id.clear();
+    search.pairs.count = 0;
+    if ((X_LS.translation() - grid.center).norm() > grid.radius + shell_->radius + margin) return;
+    const PlacedGrid placed = {&grid, Placement::of(X_LS)};
+    const auto reach = static_cast<float>(margin);
+    const std::size_t blocks = kernels::nearBlocks(placed, shell_->triangleTree, reach, blockIds_.data());
+    if (blocks == 0) return;
+    const std::size_t count =
+        kernels::nearTriangles(placed, *shell_, {blockIds_.data(), blocks}, reach, scratchIds_.data(), nearIds_.data());
+    if (count == 0) return;
+    search.near.id.assign(nearIds_.begin(), nearIds_.begin() + static_cast<std::ptrdiff_t>(count));
+    kernels::placeTriangles(*shell_, placed.placement, search.near);
+    kernels::findPairs(grid, search.near, reach, facing, search.pairs);
+  }
+
+  /// Does the last search of a link hold every pair within `margin` of it at X_LS?
+  bool covers(int link, const Isometry3d& X_LS, double margin) const {
+    const Search& search = searches_[link];
+    if (search.margin < margin) return false;
+    const LinkGrid& grid = *fields_->grids[link];
+    const double turned = (X_LS.linear() - search.X_LS.linear()).norm() * (shell_->radius + 2 * grid.radius);
+    return (X_LS.translation() - search.X_LS.translation()).norm() + turned <= search.margin - margin;
+  }
+
+  double leastWindow() const { return settings_.contactDistance + kBeyondContacts; }
+
+  bool bothClosed(int link) const { return fields_->grids[link]->closed && shell_->closed; }
+
+  // ---- closing
+
+  bool close(GraspTrial& trial) {
+    for (std::size_t i = 0; i < fields_->steps.size(); ++i) {
+      const ClosingStep& step = fields_->steps[i];
+      const PreshapeFields::Step& motions = preshape_->steps[i];
+      if (step.selfCentering && step.fixedLinks.empty()) {
+        if (!closeCentering(step, motions, trial)) return false;
+        continue;
+      }
+      if (step.selfCentering) bringUpCounterpart(motions.counterpart, trial);
+      trial.stops.push_back(closeJoint(motions.together, trial));
+      const std::vector<int>& stopped = trial.stops.back().links;
+      const auto isBeforeBreakaway = [&](int link) {
+        const auto& outer = step.breakaway.links;
+        return std::find(outer.begin(), outer.end(), link) == outer.end();
+      };
+      if (step.breakaway.joint >= 0 && std::any_of(stopped.begin(), stopped.end(), isBeforeBreakaway)) {
+        trial.stops.push_back(closeJoint(motions.breakaway, trial));
+      }
+    }
+    return true;
+  }
+
+  ClosingStop closeJoint(int index, GraspTrial& trial) {
+    const Motion& motion = fields_->motions[index];
+    const Mover& mover = *motion.mover;
+    ClosingStop stop{mover.joint, trial.jointPosition[mover.joint], {}};
+    const double from = motion.direction * (stop.position - motion.start);
+    const Touch touch = touchOf(motion, from, trial);
+    stop.position = motion.start + motion.direction * touch.s;
+    if (touch.touched) {
+      stop.links = touchedLinks_;
+    } else {
+      stop.position = mover.direction > 0 ? hand_.joints[mover.joint].upper : hand_.joints[mover.joint].lower;
+      if (from >= motion.range) stop.position = trial.jointPosition[mover.joint];
+    }
+    place(hand_, mover, stop.position, trial.jointPosition);
+    forwardKinematics(hand_, trial.jointPosition, X_HL_);
+    return stop;
+  }
+
+  /// The first s >= from at which the motion touches, or its range.
+  Touch touchOf(const Motion& motion, double from, const GraspTrial& trial) {
+    if (from < -1e-9) throw Unsettled{};
+    for (const auto& [joint, position] : motion.heldJoints) {
+      if (std::abs(trial.jointPosition[joint] - position) > 1e-12) throw Unsettled{};
+    }
+    X_HS_ = trial.X_OH.inverse() * fromShell();
+    X_BS_ = motion.X_BP * X_HL_[motion.baseLink].inverse() * X_HS_;
+    if (!motion.mover) X_BS_ = X_HS_;
+    muted_.clear();
+    for (int round = 0; round < kMostRounds; ++round) {
+      if (from >= motion.range) return {motion.range, false};
+      const double guess = shellTouch(motion, from);
+      // At the limit a shallow touch between the points may still show.
+      if (!(guess < motion.range)) return exactTouch(motion, motion.range, from);
+      const Touch touch = exactTouch(motion, guess, from);
+      if (touch.touched) return touch;
+      from = touch.s;  // nothing up to here
+      muteSlidingFaces(motion);
+    }
+    throw Unsettled{};
+  }
+
+  /// Where hand and object slide along each other, microns apart, the search would stop at every point that comes by.
+  /// Points on the plane of such a slide say nothing more: the triangles will.
+  void muteSlidingFaces(const Motion& motion) {
+    for (std::size_t k = 0; k < motion.leaves.size(); ++k) {
+      const Search& search = searches_[motion.leaves[k].link];
+      const LinkGrid& grid = *fields_->grids[motion.leaves[k].link];
+      const Eigen::Isometry3f X_BL(X_LB_[k].inverse().cast<float>());
+      for (std::size_t i = 0; i < search.pairs.count; ++i) {
+        const std::uint32_t a = search.pairs.a[i], b = search.pairs.b[i];
+        const auto of = [](const auto& arrays, int begin, std::uint32_t at) {
+          return Eigen::Vector3f(arrays[begin][at], arrays[begin + 1][at], arrays[begin + 2][at]);
+        };
+        Eigen::Matrix3f object, link;
+        for (int c = 0; c < 3; ++c) {
+          object.col(c) = of(search.near.value, 3 * c, a);
+          link.col(c) = of(grid.triangle, 3 * c, b);
+        }
+        const Eigen::Vector3f velocity = of(search.near.value, 12, a);
+        muteIfSliding(X_BL, of(grid.triangle, 9, b), link.col(0), object, velocity);
+        muteIfSliding(X_BL, of(search.near.value, 9, a), object.col(0), link, velocity);
+      }
+    }
+  }
+
+  /// Mutes the plane of one triangle when the motion runs along it and corners of the other triangle are on it.
+  void muteIfSliding(const Eigen::Isometry3f& X_BL, const Eigen::Vector3f& normal, const Eigen::Vector3f& point,
+                     const Eigen::Matrix3f& other, const Eigen::Vector3f& velocity) {
+    constexpr float kFlush = 1e-5F;  // m
+    if (std::abs(normal.dot(velocity)) > 1e-3F * velocity.norm()) return;
+    if ((normal.transpose() * (other.colwise() - point)).cwiseAbs().minCoeff() > kFlush) return;
+    const Eigen::Hyperplane<float, 3> plane(X_BL.linear() * normal, X_BL * point);
+    const bool known =
+        std::any_of(muted_.begin(), muted_.end(), [&](const auto& old) { return old.isApprox(plane, 1e-4F); });
+    if (!known && muted_.size() < kMostMuted) muted_.push_back(plane);
+  }
+
+  bool isMuted(const Eigen::Vector3f& p) const {
+    constexpr float kFlush = 2e-5F;  // m
+    return std::any_of(muted_.begin(), muted_.end(), [&](const auto& plane) { return plane.absDistance(p) < kFlush; });
+  }
+
+  double shellTouch(const Motion& motion, double from) {
+    const Placement placement = Placement::of(X_BS_);
+    const double unit = motion.range / Motion::kLastUnit;
+    const auto fromUnit = static_cast<std::uint32_t>(std::max(0.0, from / unit - 1));
+    const std::size_t blocks = kernels::selectBlocks(motion.field->coarse, shell_->pointTree, placement, fromUnit,
+                                                     Motion::kNever, blockIds_.data(), blockFirsts_.data());
+    if (blocks == 0) return kInfinity;
+    grids_.clear();
+    posesOf_ = nullptr;
+    for (const MotionLeaf& leaf : motion.leaves) grids_.push_back({fields_->grids[leaf.link].get(), {}});
+    // Blocks in bands of rising first touch.
+    constexpr int kBands = 64;
+    constexpr int kShift = 10;
+    std::array<std::uint32_t, kBands + 1> begin{};
+    for (std::size_t i = 0; i < blocks; ++i) ++begin[(blockFirsts_[i] >> kShift) + 1];
+    for (int b = 0; b < kBands; ++b) begin[b + 1] += begin[b];
+    ordered_.resize(blocks);
+    std::array<std::uint32_t, kBands> next{};
+    std::copy_n(begin.begin(), kBands, next.begin());
+    for (std::size_t i = 0; i < blocks; ++i) ordered_[next[blockFirsts_[i] >> kShift]++] = blockIds_[i];
+
+    float best = static_cast<float>(motion.range);
+    std::uint32_t bestUnit = Motion::kNever;
+    bool found = false;
+    std::size_t count = 0;
+    const std::size_t room = kGroup * (blocks + 2);
+    if (laneX_.size() < room) {
+      for (auto* array : {&laneX_, &laneY_, &laneZ_, &low_[0], &low_[1], &high_[0], &high_[1]}) array->resize(room);
+      for (auto& array : laneLink_) array.resize(room);
+    }
+    for (int band = 0; band < kBands && (static_cast<std::uint32_t>(band) << kShift) < bestUnit; ++band) {
+      for (std::uint32_t i = begin[band]; i < begin[band + 1]; ++i) {
+        count += kernels::selectPoints(motion.field->fine, *shell_, ordered_[i], placement, fromUnit, bestUnit,
+                                       &laneX_[count], &laneY_[count], &laneZ_[count], &laneLink_[0][count]);
+      }
+      // Points that are due in this band; the others wait.
+      const std::uint32_t due = static_cast<std::uint32_t>(band + 1) << kShift;
+      std::size_t kept = 0;
+      Points points;
+      alignas(64) float start[kGroup];
+      int n = 0;
+      const auto flush = [&] {
+        if (n == 0) return;
+        for (int k = n; k < kGroup; ++k) {
+          points.x[k] = points.x[0];
+          points.y[k] = points.y[0];
+          points.z[k] = points.z[0];
+          start[k] = start[0];
+        }
+        n = 0;
+        // Close to the best the link cannot have passed through a point yet: then it lies inside at the best.
+        const bool close = best < static_cast<float>(unit) * static_cast<float>((band + 2) << kShift);
+        if (found && close && !anyInside(motion, points, best)) return;
+        alignas(64) float touched[kGroup];
+        kernels::refineMotion(motion, grids_, points, start, static_cast<float>(from), best, touched);
+        for (const float s : touched) {
+          if (s < best) {
+            best = s;
+            found = true;
+            bestUnit = static_cast<std::uint32_t>(std::max(0.0F, best / static_cast<float>(unit))) + 1;
+          }
+        }
+      };
+      for (std::size_t i = 0; i < count; ++i) {
+        const std::uint32_t first = laneLink_[0][i];
+        if (first >= bestUnit) continue;
+        if (!muted_.empty() && isMuted({laneX_[i], laneY_[i], laneZ_[i]})) continue;
+        if (first < due) {
+          points.x[n] = laneX_[i];
+          points.y[n] = laneY_[i];
+          points.z[n] = laneZ_[i];
+          start[n] = std::max(static_cast<float>(from), static_cast<float>(first * unit));
+          if (++n == kGroup) flush();
+        } else {
+          laneX_[kept] = laneX_[i];
+          laneY_[kept] = laneY_[i];
+          laneZ_[kept] = laneZ_[i];
+          laneLink_[0][kept++] = first;
+        }
+      }
+      flush();
+      count = kept;
+    }
+    return found ? best : kInfinity;
+  }
+
+  /// Does any of the points lie in what the motion moves, at s?
+  bool anyInside(const Motion& motion, const Points& points, float s) {
+    if (posesAt_ != s || posesOf_ != &motion) {
+      setLeafPoses(motion, s);
+      for (std::size_t k = 0; k < motion.leaves.size(); ++k) grids_[k].placement = Placement::of(X_LB_[k]);
+      posesAt_ = s;
+      posesOf_ = &motion;
+    }
+    alignas(64) float distance[kGroup];
+    kernels::distances(grids_, points, distance);
+    return std::any_of(distance, distance + kGroup, [](float d) { return d < 0; });
+  }
+
+  /// Poses of the leaves at s (X_LB_) and how fast the object's points move in their frames, per s: turn p + shift.
+  void setLeafPoses(const Motion& motion, double s) {
+    X_NB_.resize(motion.nodes.size());
+    twist_.resize(motion.nodes.size());
+    for (std::size_t i = 0; i < motion.nodes.size(); ++i) {
+      const MotionNode& node = motion.nodes[i];
+      const Isometry3d X = node.parent < 0 ? node.X_NP : node.X_NP * X_NB_[node.parent];
+      const double free = node.offset + node.rate * s;
+      const double q = std::clamp(free, node.lower, node.upper);
+      const double rate = q == free ? node.rate : 0;
+      // A point that stands still in the parent moves by -rate times the joint's own motion.
+      Isometry3d Z = Isometry3d::Identity();
+      Twist own;
+      if (node.turns) {
+        const double c = std::cos(q), n = std::sin(q);
+        Z.linear() << c, n, 0, -n, c, 0, 0, 0, 1;
+        own.turn = -rate * Vector3d::UnitZ();
+      } else {
+        Z.translation().z() = -q;
+        own.shift = -rate * Vector3d::UnitZ();
+      }
+      X_NB_[i] = Z * X;
+      if (node.parent >= 0) {
+        const Isometry3d X_NP = Z * node.X_NP;
+        const Twist moved = twist_[node.parent].in(X_NP);
+        own.turn += moved.turn;
+        own.shift += moved.shift;
+      }
+      twist_[i] = own;
+    }
+    X_LB_.resize(motion.leaves.size());
+    leafTwist_.resize(motion.leaves.size());
+    for (std::size_t k = 0; k < motion.leaves.size(); ++k) {
+      const MotionLeaf& leaf = motion.leaves[k];
+      X_LB_[k] = leaf.X_LN * X_NB_[leaf.node];
+      leafTwist_[k] = twist_[leaf.node].in(leaf.X_LN);
+    }
+  }
+
+  /// From the shell's s to the triangles' one. Not touched: nothing touches up to s.
+  Touch exactTouch(const Motion& motion, double guess, double from) {
+    constexpr double kInfinite = std::numeric_limits<double>::infinity();
+    constexpr double kSamePairs = 5e-5;  // m, moved back by no more than this the pairs stay the same
+    posesOf_ = nullptr;
+    double s = guess, window = leastWindow();
+    bool fresh = true;
+    for (int round = 0; round < kMostRounds; ++round) {
+      setLeafPoses(motion, s);
+      double first = kInfinite, speed = 1e-6;  // the fastest that a point near a leaf can move
+      leafFirst_.assign(motion.leaves.size(), kInfinite);
+      for (std::size_t k = 0; k < motion.leaves.size(); ++k) {
+        const int link = motion.leaves[k].link;
+        Search& search = searches_[link];
+        const LinkGrid& grid = *fields_->grids[link];
+        const Twist& twist = leafTwist_[k];
+        speed = std::max(
+            speed, (twist.turn.cross(grid.center) + twist.shift).norm() + twist.turn.norm() * (grid.radius + window));
+        const Isometry3d X_LS = X_LB_[k] * X_BS_;
+        if (fresh) {
+          gather(link, X_LS, window, bothClosed(link), search);
+        } else if (search.pairs.count > 0) {
+          kernels::placeTriangles(*shell_, Placement::of(X_LS), search.near);
+        }
+        if (search.pairs.count == 0) continue;
+        setVelocities(twist, search.near);
+        kernels::touchIntervals(grid, search.near, search.pairs);
+        for (std::size_t i = 0; i < search.pairs.count; ++i) {
+          const float enter = search.pairs.enter[i], leave = search.pairs.leave[i];
+          // Past: what was left behind on backing off. Faces that meet flush meet for a moment only.
+          const bool ahead =
+              leave * speed > 0.5 * kClearance || (leave * speed > -kConverged && isApproaching(grid, search, i));
+          if (enter <= leave && ahead) leafFirst_[k] = std::min(leafFirst_[k], static_cast<double>(enter));
+        }
+        first = std::min(first, leafFirst_[k]);
+      }
+      if (!(first * speed < window)) {
+        if (s >= motion.range) return {motion.range, false};
+        if (window >= kMostWindow) return {std::max(s, from) + 0.9 * window / speed, false};
+        window = std::min(4 * window, kMostWindow);
+        fresh = true;
+        continue;
+      }
+      const double next = std::max(s + first, from);
+      const bool settled = std::abs(next - s) * speed < kConverged;
+      fresh = first * speed < -kSamePairs;
+      s = next;
+      if (!settled) continue;
+      if (s >= motion.range) return {motion.range, false};
+      touchedLinks_.clear();
+      for (std::size_t k = 0; k < motion.leaves.size(); ++k) {
+        if (leafFirst_[k] <= first + (motion.turns ? kSameAngle : kSameDistance))
+          touchedLinks_.push_back(motion.leaves[k].link);
+      }
+      return {std::max(s - kClearance / speed, from), true};
+    }
+    throw Unsettled{};
+  }
+
+  /// Does the small triangle of a pair move towards the link's?
+  static bool isApproaching(const LinkGrid& grid, const Search& search, std::size_t pair) {
+    const std::uint32_t a = search.pairs.a[pair], b = search.pairs.b[pair];
+    double along = 0;
+    for (int k = 0; k < 3; ++k) along += search.near.value[12 + k][a] * grid.triangle[9 + k][b];
+    return along < 0;
+  }
+
+  static void setVelocity(const Eigen::Vector3f& v, NearTriangles& near) {
+    for (int k = 0; k < 3; ++k) std::fill(near.value[12 + k].begin(), near.value[12 + k].end(), v[k]);
+  }
+
+  /// The velocities of the triangles' middles.
+  static void setVelocities(const Twist& twist, NearTriangles& near) {
+    const Eigen::Vector3f turn = twist.turn.cast<float>(), shift = twist.shift.cast<float>();
+    for (std::size_t i = 0; i < near.id.size(); ++i) {
+      Eigen::Vector3f middle;
+      for (int k = 0; k < 3; ++k) middle[k] = (near.value[k][i] + near.value[3 + k][i] + near.value[6 + k][i]) / 3;
+      const Eigen::Vector3f v = turn.cross(middle) + shift;
+      for (int k = 0; k < 3; ++k) near.value[12 + k][i] = v[k];
+    }
+  }
+
+  bool closeCentering(const ClosingStep& step, const PreshapeFields::Step& motions, GraspTrial& trial) {
+    Eigen::VectorXd& q = trial.jointPosition;
+    const Eigen::VectorXd before = q;
+    const ClosingStop first = closeJoint(motions.alone, trial);
+    const ClosingStop second = closeJoint(motions.follower, trial);
+    if (first.links.empty() || second.links.empty()) {
+      q = before;
+      forwardKinematics(hand_, q, X_HL_);
+      trial.stops.push_back(closeJoint(motions.together, trial));
+      return true;
+    }
+    trial.stops.push_back(first);
+    trial.stops.push_back(second);
+    const HandJoint& joint = hand_.joints[step.alone.joint];
+    const HandJoint& other = hand_.joints[step.follower.joint];
+    const double otherAsDriver = (second.position - other.mimicOffset) / other.mimicMultiplier;
+    const double centered = 0.5 * (first.position + otherAsDriver);
+    const Vector3d axis = trial.X_OH.linear() * (X_HL_[joint.parentLink].linear() * (joint.X_PJ.linear() * joint.axis));
+    const Vector3d shift = (first.position - centered) * axis;
+    trial.centering += shift;
+    trial.X_OH.translation() += shift;
+    place(hand_, step.together, centered, q);
+    forwardKinematics(hand_, q, X_HL_);
+    return !restTouches(step, trial);
+  }
+
+  void bringUpCounterpart(int index, GraspTrial& trial) {
+    const Motion& motion = fields_->motions[index];
+    const Touch touch = touchOf(motion, 0, trial);
+    if (!touch.touched) {
+      if (boundingBox(object_.mesh).diagonal().norm() > motion.range) throw Unsettled{};
+      return;
+    }
+    const Vector3d shift = touch.s * (trial.X_OH.linear() * motion.slideAxis);
+    trial.centering += shift;
+    trial.X_OH.translation() += shift;
+  }
+
+  /// After centring: does a link that is not a jaw of this step touch?
+  bool restTouches(const ClosingStep& step, const GraspTrial& trial) {
+    const Isometry3d X_HS = trial.X_OH.inverse() * fromShell();
+    for (const int link : fields_->links) {
+      const auto& jaws = step.together.links;
+      if (std::find(jaws.begin(), jaws.end(), link) != jaws.end()) continue;
+      Search& search = searches_[link];
+      gather(link, X_HL_[link].inverse() * X_HS, 1e-6, false, search);
+      setVelocity({0.6F, 0.57F, 0.56F}, search.near);  // any way through will do
+      kernels::touchIntervals(*fields_->grids[link], search.near, search.pairs);
+      for (std::size_t i = 0; i < search.pairs.count; ++i) {
+        if (search.pairs.enter[i] <= 0 && search.pairs.leave[i] >= 0) return true;
+      }
+    }
+    return false;
+  }
+
+  // ---- contacts
+
+  void gatherContacts(GraspTrial& trial) {
+    const Isometry3d X_HS = trial.X_OH.inverse() * fromShell();
+    const double margin = settings_.contactDistance + 2e-6;
+    for (const int link : fields_->links) {
+      if (!hand_.links[link].contactAllowed) continue;
+      const Isometry3d X_LS = X_HL_[link].inverse() * X_HS;
+      Search& search = searches_[link];
+      if (!covers(link, X_LS, margin)) gather(link, X_LS, margin, shell_->closed, search);
+      const kernels::Pairs& pairs = search.pairs;
+      if (pairs.count == 0) continue;
+      keys_.clear();
+      for (std::size_t i = 0; i < pairs.count; ++i) {
+        keys_.push_back(static_cast<std::uint64_t>(shell_->source[search.near.id[pairs.a[i]]]) << 32 | pairs.b[i]);
+      }
+      std::sort(keys_.begin(), keys_.end());
+      keys_.erase(std::unique(keys_.begin(), keys_.end()), keys_.end());
+      candidates_.clear();
+      const Isometry3d X_OL = trial.X_OH * X_HL_[link];
+      for (const std::uint64_t key : keys_) {
+        const auto ofObject = static_cast<std::uint32_t>(key >> 32), ofLink = static_cast<std::uint32_t>(key);
+        ContactTriangle triangle{hand_.links[link].mesh.corners(ofLink),
+                                 X_OL.linear() * fields_->grids[link]->normal[ofLink]};
+        for (Vector3d& p : triangle.corners) p = X_OL * p;
+        addContactCandidates({object_.mesh.corners(ofObject), shell_->sourceNormal[ofObject]}, triangle,
+                             settings_.contactDistance, !object_.watertight, candidates_);
+      }
+      selectContacts(candidates_, settings_.contactsPerLink, settings_.contactSpacing, static_cast<std::uint16_t>(link),
+                     contactScratch_, trial.contacts);
+    }
+  }
+
+  struct ExitLane {
+    std::uint32_t index, link;
+    float high;
+  };
+
+  struct ExitGroup {
+    Points points;
+    alignas(64) float start[kGroup];
+    int count = 0;
+  };
+
+  std::shared_ptr<const HandFields> fields_;
+  const Hand& hand_;
+  const ObjectModel& object_;
+  PolicyKind kind_;
+  ReferenceSettings settings_;
+  std::shared_ptr<const ObjectShell> shell_;
+  std::unique_ptr<GraspPolicy> reference_;
+
+  // of the present trial
+  const PreshapeFields* preshape_ = nullptr;
+  std::vector<Isometry3d> X_HL_;
+  Isometry3d X_GS_, X_HS_, X_BS_;  // S: the shell's frame, O moved to its centre
+
+  // scratch
+  std::vector<std::uint32_t> blockIds_, blockFirsts_, ordered_, nearIds_, scratchIds_;
+  std::vector<float> laneX_, laneY_, laneZ_, low_[2], high_[2], innerLow_[2], innerHigh_[2];
+  std::size_t lanes_ = 0;
+  std::vector<std::uint32_t> laneLink_[2];
+  std::vector<ExitGroup> exitGroups_ = std::vector<ExitGroup>(hand_.links.size());
+  std::array<std::vector<ExitLane>, 4> exitBands_;
+  std::vector<std::pair<double, double>> intervals_;
+  std::vector<Search> searches_ = std::vector<Search>(hand_.links.size());  // by link
+  std::vector<PlacedGrid> grids_;
+  std::vector<Isometry3d> X_NB_, X_LB_;
+  std::vector<Twist> twist_, leafTwist_;
+  std::vector<Eigen::Hyperplane<float, 3>> muted_;
+  std::vector<double> leafFirst_;
+  std::vector<int> touchedLinks_;
+  float posesAt_ = 0;
+  const Motion* posesOf_ = nullptr;
+  std::vector<std::uint64_t> keys_;
+  std::vector<ContactCandidate> candidates_;
+  ContactScratch contactScratch_;
+};
+
+}  // namespace
+
+std::shared_ptr<const HandFields> makeHandFields(const Hand& hand) { return std::make_shared<const HandFields>(hand); }
+
+std::unique_ptr<GraspPolicy> makeFastPolicy(std::shared_ptr<const HandFields> fields, const Hand& hand,
+                                            const ObjectModel& object, PolicyKind kind,
+                                            const ReferenceSettings& settings) {
+  return std::make_unique<FastPolicy>(std::move(fields), hand, object, kind, settings);
+}
+
+}  // namespace handhold

@@ -1,0 +1,459 @@
+#include "simulate/hand_fields.h"
+
+#include "simulate/collision_models.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace handhold {
+namespace {
+
+using Eigen::AlignedBox3d;
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kFineStep = 2e-3, kCoarseStep = 5e-3;        // m, of first-touch fields
+constexpr double kFineColumn = 1.5e-3, kCoarseColumn = 6e-3;  // m
+constexpr int kPoses = 256;                                   // a motion is laid out at so many steps
+constexpr int kLongestStride = 24;                            // of these, while nothing is near
+constexpr double kSpeedReserve = 1.25;                        // speeds change within a stride
+constexpr double kLongestSlide = 0.3;                         // m
+
+/// The poses of a motion's leaves in B at s = range i / kPoses: poses[i][leaf], inverted (B to link).
+using PoseTable = std::vector<std::vector<Isometry3d>>;
+
+/// A rotation that turns z to `axis`.
+Eigen::Matrix3d turnZTo(const Vector3d& axis) {
+  return Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
+}
+
+Isometry3d rotation(const Eigen::Matrix3d& R) {
+  Isometry3d X = Isometry3d::Identity();
+  X.linear() = R;
+  return X;
+}
+
+bool isAncestor(const Hand& hand, int ancestor, int link) {
+  for (int i = link; i >= 0; i = hand.links[i].parentLink) {
+    if (i == ancestor) return true;
+  }
+  return false;
+}
+
+/// The deepest link that does not move and carries all that moves.
+int commonBase(const Hand& hand, const std::vector<int>& joints) {
+  int base = hand.joints[joints[0]].parentLink;
+  const auto carries = [&](int link) {
+    return std::all_of(joints.begin(), joints.end(), [&](int j) {
+      return isAncestor(hand, link, hand.joints[j].childLink) && hand.joints[j].childLink != link;
+    });
+  };
+  while (!carries(base)) base = hand.links[base].parentLink;
+  // A carrier may itself hang on a joint that moves.
+  for (int i = base; i > 0; i = hand.links[i].parentLink) {
+    if (std::find(joints.begin(), joints.end(), hand.links[i].joint) != joints.end()) base = hand.links[i].parentLink;
+  }
+  return base;
+}
+
+/// The kinematics of one closing motion from the preshape, without fields.
+Motion makeMotion(const Hand& hand, const Mover& mover, const Eigen::VectorXd& q, bool overWholeRange) {
+  Motion motion;
+  motion.mover = mover;
+  const HandJoint& driver = hand.joints[mover.joint];
+  motion.turns = driver.type == JointType::revolute;
+  motion.direction = mover.direction;
+  const double first = mover.direction > 0 ? driver.lower : driver.upper;
+  const double last = mover.direction > 0 ? driver.upper : driver.lower;
+  motion.start = overWholeRange ? first : q[mover.joint];
+  motion.range = std::max(0.0, mover.direction * (last - motion.start));
+
+  std::vector<int> joints = {mover.joint};
+  joints.insert(joints.end(), mover.followers.begin(), mover.followers.end());
+  std::sort(joints.begin(), joints.end(),
+            [&](int a, int b) { return hand.joints[a].childLink < hand.joints[b].childLink; });
+  motion.baseLink = commonBase(hand, joints);
+  const std::vector<Isometry3d> X_HL = forwardKinematics(hand, q);
+  const auto nodeAbove = [&](int link) {  // the last node that moves `link`, -1: none
+    for (int i = link; i >= 0; i = hand.links[i].parentLink) {
+      const auto at = std::find(joints.begin(), joints.end(), hand.links[i].joint);
+      if (hand.links[i].joint >= 0 && at != joints.end()) return static_cast<int>(at - joints.begin());
+    }
+    return -1;
+  };
+  // Of a node's frame N and its joint's child link C: x_C = A x_N.
+  const auto inNode = [&](int node, int link) {  // X_NL
+    if (node < 0) return Isometry3d(X_HL[motion.baseLink].inverse() * X_HL[link]);
+    const HandJoint& joint = hand.joints[joints[node]];
+    return Isometry3d(rotation(turnZTo(joint.axis)).inverse() * X_HL[joint.childLink].inverse() * X_HL[link]);
+  };
+  for (const int j : joints) {
+    const HandJoint& joint = hand.joints[j];
+    MotionNode node;
+    node.parent = nodeAbove(joint.parentLink);
+    const Isometry3d X_NP = inNode(node.parent, joint.parentLink);
+    node.X_NP = rotation(turnZTo(joint.axis)).inverse() * joint.X_PJ.inverse() * X_NP.inverse();
+    node.fromParent = Placement::of(node.X_NP);
+    node.turns = joint.type == JointType::revolute;
+    const bool drives = j == mover.joint;
+    node.offset = drives ? motion.start : joint.mimicMultiplier * motion.start + joint.mimicOffset;
+    node.rate = drives ? motion.direction : joint.mimicMultiplier * motion.direction;
+    node.lower = std::min(joint.lower, drives ? motion.start : joint.lower);
+    node.upper = std::max(joint.upper, drives ? motion.start : joint.upper);
+    motion.nodes.push_back(node);
+  }
+  motion.X_BP = motion.nodes[0].X_NP;
+  const Isometry3d X_PB = motion.X_BP.inverse();
+  for (MotionNode& node : motion.nodes) {
+    if (node.parent >= 0) continue;
+    node.X_NP = &node == &motion.nodes[0] ? Isometry3d::Identity() : Isometry3d(node.X_NP * X_PB);
+    node.fromParent = Placement::of(node.X_NP);
+  }
+  for (const int link : mover.links) {
+    const int node = nodeAbove(link);
+    const Isometry3d X_LN = inNode(node, link).inverse();
+    motion.leaves.push_back({node, link, X_LN, Placement::of(X_LN)});
+  }
+  // Joints between B and the moved links that this motion takes to stand still.
+  for (std::size_t i = 0; i < hand.joints.size(); ++i) {
+    const int j = static_cast<int>(i);
+    if (std::find(joints.begin(), joints.end(), j) != joints.end()) continue;
+    const int child = hand.joints[i].childLink;
+    const bool carriesLeaf =
+        std::any_of(mover.links.begin(), mover.links.end(), [&](int l) { return isAncestor(hand, child, l); });
+    if (carriesLeaf && !isAncestor(hand, child, motion.baseLink)) motion.heldJoints.emplace_back(j, q[j]);
+  }
+  return motion;
+}
+
+/// The slide that brings up the counterpart of a single jaw: the whole hand along `axis` [in H].
+Motion makeSlide(const Hand& hand, const std::vector<int>& links, const Vector3d& axis,
+                 const std::vector<Isometry3d>& X_HL) {
+  Motion motion;
+  motion.turns = false;
+  motion.range = kLongestSlide;
+  motion.slideAxis = axis;
+  const Isometry3d A = rotation(turnZTo(axis));
+  MotionNode node;
+  node.X_NP = A.inverse();
+  node.fromParent = Placement::of(node.X_NP);
+  node.turns = false;
+  node.rate = 1;
+  node.upper = kLongestSlide;
+  motion.nodes.push_back(node);
+  for (const int link : links) {
+    const Isometry3d X_LN = X_HL[link].inverse() * A;
+    motion.leaves.push_back({0, link, X_LN, Placement::of(X_LN)});
+  }
+  for (std::size_t j = 0; j < hand.joints.size(); ++j) {
+    const bool carries =
+        std::any_of(links.begin(), links.end(), [&](int l) { return isAncestor(hand, hand.joints[j].childLink, l); });
+    if (carries) motion.heldJoints.emplace_back(static_cast<int>(j), 0.0);  // positions are filled in by the caller
+  }
+  return motion;
+}
+
+PoseTable layOutPoses(const Hand& hand, const Motion& motion, Eigen::VectorXd q) {
+  PoseTable table(kPoses + 1);
+  std::vector<Isometry3d> X_HL = forwardKinematics(hand, q);
+  for (int i = 0; i <= kPoses; ++i) {
+    const double s = motion.range * i / kPoses;
+    if (motion.mover) {
+      place(hand, *motion.mover, motion.start + motion.direction * s, q);
+      forwardKinematics(hand, q, X_HL);
+    }
+    const Isometry3d X_BH = motion.mover ? Isometry3d(motion.X_BP * X_HL[motion.baseLink].inverse())
+                                         : Isometry3d(Eigen::Translation3d(s * motion.slideAxis));
+    for (const MotionLeaf& leaf : motion.leaves) table[i].push_back((X_BH * X_HL[leaf.link]).inverse());
+  }
+  return table;
+}
+
+/// The first s at which a ball of `radius` about `p` can be touched, walking the table from its beginning or its end.
+double firstTouch(const std::vector<const LinkGrid*>& grids, const PoseTable& table, const Vector3d& p, double radius,
+                  bool backwards) {
+  double safe = 0;  // steps from the beginning of the walk, up to which nothing touches
+  for (int i = 0; i <= kPoses;) {
+    const int at = backwards ? kPoses - i : i;
+    const int next = backwards ? std::max(at - 1, 0) : std::min(at + 1, kPoses);
+    double stride = kLongestStride;
+    for (std::size_t k = 0; k < grids.size(); ++k) {
+      const Vector3d here = table[at][k] * p;
+      const double gap = grids[k]->lowerBound(here) - radius;
+      if (gap <= 0) return safe;
+      const double speed = kSpeedReserve * (table[next][k] * p - here).norm() + 1e-6;  // m per step
+      stride = std::min(stride, gap / speed);
+    }
+    safe = std::max(safe, i + stride);
+    i = std::max(i + 1, static_cast<int>(safe));
+  }
+  return kInfinity;
+}
+
+Lattice<std::uint32_t> firstTouchField(const std::vector<const LinkGrid*>& grids, const PoseTable& table, double step,
+                                       double blockRadius) {
+  const double reach = 0.5 * std::sqrt(3.0) * step + blockRadius + 1e-5;
+  AlignedBox3d box;
+  for (const auto& poses : table) {
+    for (std::size_t k = 0; k < grids.size(); ++k) {
+      const Vector3d c = poses[k].inverse() * grids[k]->center;
+      box.extend(Vector3d(c.array() - grids[k]->radius - reach)).extend(Vector3d(c.array() + grids[k]->radius + reach));
+    }
+  }
+  Lattice<std::uint32_t> field;
+  field.origin = box.min().cast<float>();
+  field.step = static_cast<float>(step);
+  for (int i = 0; i < 3; ++i) field.size[i] = static_cast<int>(std::ceil(box.sizes()[i] / step)) + 1;
+  field.value.assign(field.index(0, 0, field.size[2]), Motion::kNever);
+  for (int z = 0; z < field.size[2]; ++z) {
+    for (int y = 0; y < field.size[1]; ++y) {
+      for (int x = 0; x < field.size[0]; ++x) {
+        const Vector3d p = field.node(x, y, z);
+        const double first = firstTouch(grids, table, p, reach, false);
+        if (first == kInfinity) continue;
+        const double last = kPoses - firstTouch(grids, table, p, reach, true);
+        const double unit = static_cast<double>(Motion::kLastUnit) / kPoses;
+        const auto firstUnit =
+            static_cast<std::uint32_t>(std::max(0.0, std::floor(std::min<double>(first, kPoses) * unit)));
+        const auto lastUnit =
+            static_cast<std::uint32_t>(std::clamp(std::ceil(last * unit), 0.0, static_cast<double>(Motion::kLastUnit)));
+        field.value[field.index(x, y, z)] = firstUnit | (std::max(firstUnit, lastUnit) << 16);
+      }
+    }
+  }
+  return field;
+}
+
+/// One vertical line through the hand: the intervals of z in which a ball of `reach` can touch, from the top.
+struct Interval {
+  double top, bottom;
+  int link;
+};
+
+void walkColumn(const std::vector<std::pair<const LinkGrid*, Isometry3d>>& placed, const Vector3d& start, double lowest,
+                double reach, std::vector<Interval>& intervals) {
+  constexpr double kInsideStep = 1e-3;  // m
+  constexpr double kLeastStep = 1e-4;
+  intervals.clear();
+  double z = start.z();
+  const auto gapOf = [&](std::size_t k) {
+    const Vector3d p(start.x(), start.y(), z);
+    return placed[k].first->lowerBound(placed[k].second * p) - reach;
+  };
+  double freeDownTo = z;
+  while (z > lowest) {
+    double gap = kInfinity;
+    std::size_t nearest = 0;
+    for (std::size_t k = 0; k < placed.size(); ++k) {
+      const double g = gapOf(k);
+      if (g < gap) {
+        gap = g;
+        nearest = k;
+      }
+    }
+    if (gap > 0) {
+      freeDownTo = z - gap;
+      z -= std::max(gap, kLeastStep);
+      continue;
+    }
+    const double top = std::max(freeDownTo, z);
+    while (z > lowest && gapOf(nearest) <= 0) z -= kInsideStep;
+    freeDownTo = z;
+    if (!intervals.empty() && intervals.back().bottom - top < 2e-3) {
+      intervals.back().bottom = z;  // one solid piece, or a gap too thin to matter
+    } else {
+      intervals.push_back({top, z, static_cast<int>(nearest)});
+    }
+  }
+  while (intervals.size() > 2) {  // the thinnest gap closes
+    std::size_t thinnest = 0;
+    for (std::size_t i = 1; i + 1 < intervals.size(); ++i) {
+      if (intervals[i].bottom - intervals[i + 1].top < intervals[thinnest].bottom - intervals[thinnest + 1].top)
+        thinnest = i;
+    }
+    intervals[thinnest].bottom = intervals[thinnest + 1].bottom;
+    intervals.erase(intervals.begin() + static_cast<std::ptrdiff_t>(thinnest) + 1);
+  }
+}
+
+/// The intervals of z above each column that lie inside a link for every point of the cell. `outer`: the same columns,
+/// with what may be covered.
+ColumnField innerColumns(const HandFields& fields, const PreshapeFields& preshape, const ColumnField& outer) {
+  constexpr double kStep = 1e-3;  // m
+  ColumnField field = outer;
+  std::vector<Isometry3d> X_LG;
+  for (const int link : fields.links) X_LG.push_back((preshape.X_GH * preshape.X_HL[link]).inverse());
+  const Lattice<float>& lattice = outer.top[0];
+  const double radius = std::sqrt(0.5) * lattice.step + 0.5 * kStep;
+  const auto isInside = [&](const Vector3d& p) {
+    for (std::size_t k = 0; k < X_LG.size(); ++k) {
+      if (fields.grids[fields.links[k]]->closed && fields.grids[fields.links[k]]->upperBound(X_LG[k] * p) + radius <= 0)
+        return true;
+    }
+    return false;
+  };
+  for (int y = 0; y < lattice.size[1]; ++y) {
+    for (int x = 0; x < lattice.size[0]; ++x) {
+      const std::size_t i = lattice.index(x, y, 0);
+      std::vector<std::pair<float, float>> runs;  // bottom, top
+      for (int k = 0; k < 2; ++k) {
+        const float lowest = outer.bottom[k].value[i];
+        bool inside = false;
+        for (float z = outer.top[k].value[i]; z >= lowest; z -= static_cast<float>(kStep)) {
+          const Vector3d node = lattice.node(x, y, 0);
+          const bool now = isInside({node.x(), node.y(), z});
+          if (now && !inside) runs.emplace_back(z, z);
+          if (now) runs.back().first = z;
+          inside = now;
+        }
+      }
+      std::sort(runs.begin(), runs.end(),
+                [](const auto& a, const auto& b) { return a.second - a.first > b.second - b.first; });
+      for (std::size_t k = 0; k < 2; ++k) {
+        field.bottom[k].value[i] = k < runs.size() ? runs[k].first : std::numeric_limits<float>::max();
+        field.top[k].value[i] = k < runs.size() ? runs[k].second : -std::numeric_limits<float>::max();
+      }
+    }
+  }
+  return field;
+}
+
+bool nearlyEqual(const Isometry3d& a, const Isometry3d& b) {
+  return (a.matrix() - b.matrix()).cwiseAbs().maxCoeff() < 1e-9;
+}
+
+/// Do two motions move equal shapes in the same way, up to rounding?
+bool moveAlike(const HandFields& fields, const Motion& a, const Motion& b) {
+  const auto sameNode = [](const MotionNode& m, const MotionNode& n) {
+    return m.parent == n.parent && m.turns == n.turns && nearlyEqual(m.X_NP, n.X_NP) && m.offset == n.offset &&
+           m.rate == n.rate && m.lower == n.lower && m.upper == n.upper;
+  };
+  const auto sameLeaf = [&](const MotionLeaf& m, const MotionLeaf& n) {
+    return m.node == n.node && fields.grids[m.link] == fields.grids[n.link] && nearlyEqual(m.X_LN, n.X_LN);
+  };
+  return a.range == b.range && std::equal(a.nodes.begin(), a.nodes.end(), b.nodes.begin(), b.nodes.end(), sameNode) &&
+         std::equal(a.leaves.begin(), a.leaves.end(), b.leaves.begin(), b.leaves.end(), sameLeaf);
+}
+
+ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape, double step, double blockRadius) {
+  const double reach = std::sqrt(0.5) * step + blockRadius + 1e-5;
+  std::vector<std::pair<const LinkGrid*, Isometry3d>> placed;
+  AlignedBox3d box;
+  for (const int link : fields.links) {
+    const Isometry3d X_GL = preshape.X_GH * preshape.X_HL[link];
+    const LinkGrid& grid = *fields.grids[link];
+    placed.emplace_back(&grid, X_GL.inverse());
+    const Vector3d c = X_GL * grid.center;
+    box.extend(Vector3d(c.array() - grid.radius - reach)).extend(Vector3d(c.array() + grid.radius + reach));
+  }
+  ColumnField field;
+  Lattice<float> empty;
+  empty.origin = box.min().cast<float>();
+  empty.origin.z() = 0;
+  empty.step = static_cast<float>(step);
+  empty.size = {static_cast<int>(std::ceil(box.sizes().x() / step)) + 1,
+                static_cast<int>(std::ceil(box.sizes().y() / step)) + 1, 1};
+  const std::size_t count = empty.index(0, 0, 1);
+  for (int k = 0; k < 2; ++k) {
+    field.top[k] = field.bottom[k] = empty;
+    field.top[k].value.assign(count, -std::numeric_limits<float>::max());
+    field.bottom[k].value.assign(count, std::numeric_limits<float>::max());
+    field.link[k].assign(count, 0);
+  }
+  std::vector<Interval> intervals;
+  for (int y = 0; y < empty.size[1]; ++y) {
+    for (int x = 0; x < empty.size[0]; ++x) {
+      Vector3d start = empty.node(x, y, 0);
+      start.z() = box.max().z();
+      walkColumn(placed, start, box.min().z(), reach, intervals);
+      for (std::size_t k = 0; k < intervals.size(); ++k) {
+        const std::size_t i = empty.index(x, y, 0);
+        field.top[k].value[i] = std::nextafter(static_cast<float>(intervals[k].top), 1.0F);
+        field.bottom[k].value[i] = std::nextafter(static_cast<float>(intervals[k].bottom), -1.0F);
+        field.link[k][i] = static_cast<std::uint8_t>(fields.links[intervals[k].link]);
+      }
+    }
+  }
+  return field;
+}
+
+}  // namespace
+
+Placement Placement::of(const Isometry3d& X) {
+  Placement p{};
+  for (int i = 0; i < 9; ++i) p.rotation[i] = static_cast<float>(X.linear()(i / 3, i % 3));
+  for (int i = 0; i < 3; ++i) p.translation[i] = static_cast<float>(X.translation()[i]);
+  return p;
+}
+
+HandFields::HandFields(const Hand& hand)
+    : links(solidLinks(hand)), grids(hand.links.size()), covers(hand.links.size()) {
+  for (const int link : links) covers[link] = coverSurface(hand.links[link].mesh);
+  for (const int link : links) {
+    const TriangleMesh& mesh = hand.links[link].mesh;
+    for (const int other : links) {
+      const TriangleMesh& earlier = hand.links[other].mesh;
+      if (other < link && earlier.triangles == mesh.triangles && earlier.vertices == mesh.vertices)
+        grids[link] = grids[other];
+    }
+    if (grids[link] == nullptr) grids[link] = std::make_shared<const LinkGrid>(mesh);
+  }
+  for (const ClosingJoint& closing : hand.closing) steps.push_back(makeClosingStep(hand, closing));
+
+  const auto addMotion = [&](Motion motion, const Eigen::VectorXd& q) {
+    for (auto& [joint, position] : motion.heldJoints) position = q[joint];
+    for (std::size_t i = 0; i < motions.size(); ++i) {  // the same in another preshape
+      const Motion& old = motions[i];
+      const bool sameMover =
+          old.mover.has_value() == motion.mover.has_value() &&
+          (!old.mover || (old.mover->joint == motion.mover->joint && old.mover->followers == motion.mover->followers &&
+                          old.mover->links == motion.mover->links));
+      if (sameMover && old.start == motion.start && old.direction == motion.direction &&
+          old.heldJoints == motion.heldJoints && old.slideAxis == motion.slideAxis) {
+        return static_cast<int>(i);
+      }
+    }
+    for (const Motion& old : motions) {
+      if (motion.mover && old.mover && moveAlike(*this, old, motion)) motion.field = old.field;
+    }
+    if (motion.field == nullptr) {
+      const PoseTable table = layOutPoses(hand, motion, q);
+      std::vector<const LinkGrid*> moved;
+      for (const MotionLeaf& leaf : motion.leaves) moved.push_back(grids[leaf.link].get());
+      motion.field = std::make_shared<const FirstTouch>(
+          FirstTouch{firstTouchField(moved, table, kFineStep, 0),
+                     firstTouchField(moved, table, kCoarseStep, Motion::kBlockRadius)});
+    }
+    motions.push_back(std::move(motion));
+    return static_cast<int>(motions.size() - 1);
+  };
+
+  for (const Preshape& shape : hand.preshapes) {
+    const Eigen::VectorXd& q = shape.jointPosition;
+    PreshapeFields preshape;
+    preshape.X_HL = forwardKinematics(hand, q);
+    preshape.X_GH = (preshape.X_HL[hand.palmLink] * hand.X_LG).inverse();
+    preshape.apart = linkPairsApart(hand, preshape.X_HL);
+    preshape.fine = columnField(*this, preshape, kFineColumn, 0);
+    preshape.inner = innerColumns(*this, preshape, preshape.fine);
+    preshape.coarse = columnField(*this, preshape, kCoarseColumn, Motion::kBlockRadius);
+    for (const ClosingStep& step : steps) {
+      PreshapeFields::Step s;
+      s.together = addMotion(makeMotion(hand, step.together, q, false), q);
+      if (step.selfCentering && step.fixedLinks.empty()) {
+        s.alone = addMotion(makeMotion(hand, step.alone, q, false), q);
+        s.follower = addMotion(makeMotion(hand, step.follower, q, false), q);
+      } else if (step.selfCentering) {
+        const Vector3d axis = -(preshape.X_HL[hand.palmLink].linear() * hand.X_LG.linear().col(0));
+        s.counterpart = addMotion(makeSlide(hand, step.fixedLinks, axis, preshape.X_HL), q);
+      }
+      if (step.breakaway.joint >= 0) s.breakaway = addMotion(makeMotion(hand, step.breakaway, q, true), q);
+      preshape.steps.push_back(s);
+    }
+    preshapes.push_back(std::move(preshape));
+  }
+}
+
+}  // namespace handhold

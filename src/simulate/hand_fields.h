@@ -1,0 +1,104 @@
+#pragma once
+
+#include "simulate/closing_plan.h"
+#include "simulate/link_grid.h"
+#include "simulate/object_shell.h"
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+namespace handhold {
+
+/// x' = rotation x + translation, row by row, in single precision.
+struct Placement {
+  std::array<float, 9> rotation;
+  std::array<float, 3> translation;
+
+  static Placement of(const Eigen::Isometry3d& X);
+};
+
+/// A moving joint of a motion. Its frame turns with the joint and has the joint's axis along z:
+/// x = Z(-q) (fromParent x_parent), q = clamp(offset + rate s, lower, upper), Z turns about or slides along z.
+struct MotionNode {
+  int parent = -1;  // node, -1: the base
+  Eigen::Isometry3d X_NP = Eigen::Isometry3d::Identity();
+  Placement fromParent;  // X_NP
+  bool turns = true;
+  double offset = 0, rate = 0, lower = 0, upper = 0;
+};
+
+/// A link that moves along, fixed in a node's frame.
+struct MotionLeaf {
+  int node = 0;
+  int link = 0;
+  Eigen::Isometry3d X_LN = Eigen::Isometry3d::Identity();
+  Placement fromNode;  // X_LN
+};
+
+/// For each lattice node the first and the last s at which a point within half a cell of the node (and within
+/// Motion::kBlockRadius of that in the coarse field) can be touched, in units of range / kLastUnit, packed as
+/// first + (last << 16).
+struct FirstTouch {
+  Lattice<std::uint32_t> fine, coarse;
+};
+
+/// The motion of some links in a frame B that stands still while they move, by one parameter s in [0, range]. B is the
+/// first node's frame at q = 0, so that fingers of one build share their fields.
+struct Motion {
+  static constexpr std::uint32_t kLastUnit = 0xFFFE;
+  static constexpr std::uint32_t kNever = 0xFFFF;  // first = kNever, last = 0
+  static constexpr double kBlockRadius = 8e-3;     // m
+
+  std::optional<Mover> mover;                              // nothing: the hand slides as a whole
+  bool turns = true;                                       // the driver is revolute
+  int baseLink = 0;                                        // B is fixed in this link
+  Eigen::Isometry3d X_BP = Eigen::Isometry3d::Identity();  // of the base link
+  double start = 0, direction = 1;                         // driver's position = start + direction s
+  double range = 0;                                        // rad or m
+  Eigen::Vector3d slideAxis = Eigen::Vector3d::Zero();     // in H, when the hand slides
+  std::vector<std::pair<int, double>> heldJoints;          // that the fields take to be at these positions
+  std::vector<MotionNode> nodes;
+  std::vector<MotionLeaf> leaves;
+  std::shared_ptr<const FirstTouch> field;
+};
+
+/// The intervals of z that the hand in one preshape covers above (x, y) of the palm frame, at most two, the higher one
+/// first, for points within half a cell of a lattice node (fine) and for blocks within Motion::kBlockRadius (coarse).
+struct ColumnField {
+  Lattice<float> top[2], bottom[2];   // bottom > top: no interval
+  std::vector<std::uint8_t> link[2];  // that ends the interval at its top
+};
+
+/// What a preshape fixes.
+struct PreshapeFields {
+  ColumnField fine, coarse;
+  ColumnField inner;  // what is covered for sure, for all points within half a cell
+  std::vector<Eigen::Isometry3d> X_HL;
+  Eigen::Isometry3d X_GH;
+  /// Indices into HandFields::motions for each closing step; -1: none.
+  struct Step {
+    int together = -1, alone = -1, follower = -1, breakaway = -1, counterpart = -1;
+  };
+  std::vector<Step> steps;
+  std::vector<std::pair<int, int>> apart;  // link pairs that are apart here and must stay so
+};
+
+/// What the fast policy knows of a hand before it sees an object: distances around each link, what each preshape
+/// covers, what each closing motion touches when. Built once for a hand, for all objects and workers.
+/// @note Immutable; safe from many threads.
+class HandFields {
+ public:
+  explicit HandFields(const Hand& hand);
+
+  std::vector<int> links;                              // with geometry
+  std::vector<std::shared_ptr<const LinkGrid>> grids;  // by link, null without geometry; equal links share theirs
+  std::vector<SphereTree> covers;                      // by link: spheres around its surface
+  std::vector<ClosingStep> steps;
+  std::vector<Motion> motions;
+  std::vector<PreshapeFields> preshapes;
+};
+
+}  // namespace handhold

@@ -1,0 +1,304 @@
+#include "simulate/link_grid.h"
+
+#include "mesh/mass_properties.h"
+#include "mesh/ray_scene.h"
+#include "simulate/contacts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace handhold {
+namespace {
+
+using Eigen::AlignedBox3d;
+using Eigen::Vector3d;
+
+constexpr double kStep = 1e-3;                 // m
+constexpr std::size_t kMostNodes = 2'000'000;  // of one link; larger links get a wider step
+
+/// The nodes of `lattice` in a box, as half-open ranges.
+template <class T>
+std::array<std::array<int, 2>, 3> nodesIn(const Lattice<T>& lattice, const AlignedBox3d& box) {
+  std::array<std::array<int, 2>, 3> range{};
+  for (int i = 0; i < 3; ++i) {
+    const double first = std::ceil((box.min()[i] - lattice.origin[i]) / lattice.step);
+    const double last = std::floor((box.max()[i] - lattice.origin[i]) / lattice.step);
+    range[i] = {std::max(0, static_cast<int>(first)), std::min(lattice.size[i], static_cast<int>(last) + 1)};
+  }
+  return range;
+}
+
+template <class T>
+void layOut(Lattice<T>& lattice, const Vector3d& origin, const Vector3d& extent, double step) {
+  lattice.origin = origin.cast<float>();
+  lattice.step = static_cast<float>(step);
+  for (int i = 0; i < 3; ++i) lattice.size[i] = static_cast<int>(std::ceil(extent[i] / step)) + 2;
+}
+
+AlignedBox3d boxAround(const Corners& corners, double margin) {
+  AlignedBox3d box(corners[0]);
+  box.extend(corners[1]).extend(corners[2]);
+  return {box.min().array() - margin, box.max().array() + margin};
+}
+
+/// Calls visit(x, y, z, distance) for every node within `reach` of the triangle.
+template <class T, class Visit>
+void visitNear(const Lattice<T>& lattice, const Corners& corners, double reach, const Visit& visit) {
+  const auto range = nodesIn(lattice, boxAround(corners, reach));
+  const Vector3d normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized();
+  for (int z = range[2][0]; z < range[2][1]; ++z) {
+    for (int y = range[1][0]; y < range[1][1]; ++y) {
+      for (int x = range[0][0]; x < range[0][1]; ++x) {
+        const Vector3d p = lattice.node(x, y, z);
+        if (std::abs(normal.dot(p - corners[0])) > reach) continue;
+        const double distance = (p - closestPointOnTriangle(p, corners)).norm();
+        if (distance <= reach) visit(x, y, z, distance);
+      }
+    }
+  }
+}
+
+/// The squared distance transform of one row: out[i] = min_j (i - j)^2 + in[j]. Source: P. Felzenszwalb and
+/// D. Huttenlocher, "Distance Transforms of Sampled Functions", 2012 (lower envelope of parabolas).
+void transformRow(std::vector<double>& row, std::vector<int>& apex, std::vector<double>& from) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const int n = static_cast<int>(row.size());
+  apex.clear();
+  from.clear();
+  for (int i = 0; i < n; ++i) {
+    if (row[i] == kInfinity) continue;
+    double begin = -kInfinity;
+    while (!apex.empty()) {
+      const int j = apex.back();
+      begin = (row[i] + i * i - row[j] - j * j) / (2.0 * (i - j));
+      if (begin > from.back()) break;
+      apex.pop_back();
+      from.pop_back();
+      begin = -kInfinity;
+    }
+    apex.push_back(i);
+    from.push_back(begin);
+  }
+  if (apex.empty()) return;
+  const std::vector<double> in = row;
+  std::size_t k = 0;
+  for (int i = 0; i < n; ++i) {
+    while (k + 1 < apex.size() && from[k + 1] < i) ++k;
+    row[i] = (i - apex[k]) * (i - apex[k]) + in[apex[k]];
+  }
+}
+
+/// Lower bounds of the distance for the nodes beyond the band: the distance to the nearest node that lies next to the
+/// surface, less the half diagonal within which every surface point has such a node.
+void fillBeyondBand(Lattice<float>& lattice) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  const double nextTo = 0.5 * std::sqrt(3.0) * lattice.step;
+  std::vector<double> squared(lattice.value.size());
+  for (std::size_t i = 0; i < squared.size(); ++i) {
+    squared[i] = lattice.value[i] <= 1.001 * nextTo ? 0 : std::numeric_limits<double>::infinity();
+  }
+  std::vector<double> row, from;
+  std::vector<int> apex;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int a = (axis + 1) % 3, b = (axis + 2) % 3;
+    row.resize(lattice.size[axis]);
+    std::array<int, 3> at{};
+    for (at[a] = 0; at[a] < lattice.size[a]; ++at[a]) {
+      for (at[b] = 0; at[b] < lattice.size[b]; ++at[b]) {
+        for (at[axis] = 0; at[axis] < lattice.size[axis]; ++at[axis]) {
+          row[at[axis]] = squared[lattice.index(at[0], at[1], at[2])];
+        }
+        transformRow(row, apex, from);
+        for (at[axis] = 0; at[axis] < lattice.size[axis]; ++at[axis]) {
+          squared[lattice.index(at[0], at[1], at[2])] = row[at[axis]];
+        }
+      }
+    }
+  }
+  for (std::size_t i = 0; i < squared.size(); ++i) {
+    float& value = lattice.value[i];
+    if (value < kInfinity) continue;
+    const double bound = std::sqrt(squared[i]) * lattice.step - 1.002 * nextTo;
+    value = static_cast<float>(std::max(bound, LinkGrid::kBand));
+  }
+}
+
+/// Turns distances negative inside: rays along the lattice's rows count windings, the majority of the three axes
+/// decides.
+void addSigns(const RayScene& scene, Lattice<float>& lattice) {
+  std::vector<std::uint8_t> votes(lattice.value.size(), 0);
+  std::vector<RayCrossing> crossings;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int a = (axis + 1) % 3, b = (axis + 2) % 3;
+    std::array<int, 3> at{};
+    for (at[a] = 0; at[a] < lattice.size[a]; ++at[a]) {
+      for (at[b] = 0; at[b] < lattice.size[b]; ++at[b]) {
+        at[axis] = 0;
+        const Vector3d start = lattice.node(at[0], at[1], at[2]) - lattice.step * Vector3d::Unit(axis);
+        scene.crossings(start, Vector3d::Unit(axis), crossings);
+        int winding = 0;
+        std::size_t next = 0;
+        for (; at[axis] < lattice.size[axis]; ++at[axis]) {
+          const double distance = (at[axis] + 1) * static_cast<double>(lattice.step);
+          for (; next < crossings.size() && crossings[next].hit.distance < distance; ++next) {
+            winding -= crossings[next].sign;
+          }
+          if (winding > 0) ++votes[lattice.index(at[0], at[1], at[2])];
+        }
+      }
+    }
+  }
+  for (std::size_t i = 0; i < votes.size(); ++i) {
+    if (votes[i] >= 2) lattice.value[i] = -lattice.value[i];
+  }
+}
+
+/// How far the interpolated distance may lie above the true one in each cell, from second differences: between nodes a
+/// function departs from its chord by at most a quarter of its kink, along each axis, and half of its twist across two.
+std::vector<float> interpolationErrors(const Lattice<float>& lattice) {
+  const auto& size = lattice.size;
+  const auto value = [&](int x, int y, int z) {
+    return lattice.value[lattice.index(std::clamp(x, 0, size[0] - 1), std::clamp(y, 0, size[1] - 1),
+                                       std::clamp(z, 0, size[2] - 1))];
+  };
+  std::vector<float> kink(lattice.value.size());  // at a node, summed over the axes
+  for (int z = 0; z < size[2]; ++z) {
+    for (int y = 0; y < size[1]; ++y) {
+      for (int x = 0; x < size[0]; ++x) {
+        const float middle = 2 * value(x, y, z);
+        kink[lattice.index(x, y, z)] = std::max(0.0F, value(x - 1, y, z) + value(x + 1, y, z) - middle) +
+                                       std::max(0.0F, value(x, y - 1, z) + value(x, y + 1, z) - middle) +
+                                       std::max(0.0F, value(x, y, z - 1) + value(x, y, z + 1) - middle);
+      }
+    }
+  }
+  std::vector<float> error(lattice.value.size(), 0.0F);
+  for (int z = 0; z + 1 < size[2]; ++z) {
+    for (int y = 0; y + 1 < size[1]; ++y) {
+      for (int x = 0; x + 1 < size[0]; ++x) {
+        float most = 0, twist = 0;
+        for (int c = 0; c < 8; ++c)
+          most = std::max(most, kink[lattice.index(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2))]);
+        for (int c = 0; c < 2; ++c) {
+          const auto across = [&](float v00, float v10, float v01, float v11) {
+            return std::abs(v00 - v10 - v01 + v11);
+          };
+          twist = std::max(
+              {twist,
+               across(value(x, y, z + c), value(x + 1, y, z + c), value(x, y + 1, z + c), value(x + 1, y + 1, z + c)),
+               across(value(x, y + c, z), value(x + 1, y + c, z), value(x, y + c, z + 1), value(x + 1, y + c, z + 1)),
+               across(value(x + c, y, z), value(x + c, y + 1, z), value(x + c, y, z + 1), value(x + c, y + 1, z + 1))});
+        }
+        error[lattice.index(x, y, z)] = 0.25F * most + 0.5F * twist + 1e-6F;
+      }
+    }
+  }
+  return error;
+}
+
+/// Does the triangle lie deeper than `kDeep` inside the link, in another of its pieces?
+bool isHidden(const RayScene& scene, const Corners& t, const Vector3d& normal) {
+  constexpr double kDeep = 3e-4;  // m
+  const Vector3d middle = (t[0] + t[1] + t[2]) / 3;
+  const std::array<Vector3d, 7> points = {middle,           t[0], t[1], t[2], (t[0] + t[1]) / 2, (t[1] + t[2]) / 2,
+                                          (t[2] + t[0]) / 2};
+  return std::all_of(points.begin(), points.end(), [&](const Vector3d& p) {
+    const Vector3d inward = p + 1e-5 * (middle - p);  // off the corner, which rays can slip through
+    return scene.contains(inward + kDeep * normal) && scene.contains(inward + 1e-5 * normal);
+  });
+}
+
+double signedVolume(const TriangleMesh& mesh) {
+  double volume = 0;
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const auto [a, b, c] = mesh.corners(i);
+    volume += a.dot(b.cross(c)) / 6;
+  }
+  return volume;
+}
+
+}  // namespace
+
+LinkGrid::LinkGrid(const TriangleMesh& mesh) {
+  const AlignedBox3d box = boundingBox(mesh);
+  center = box.center();
+  for (const Vector3d& p : mesh.vertices) radius = std::max(radius, (p - center).norm());
+  closed = isWatertight(mesh) && signedVolume(mesh) > 0;
+
+  const Vector3d extent = box.sizes() + Vector3d::Constant(2 * kMargin);
+  const double step = std::max(kStep, std::cbrt(extent.prod() / static_cast<double>(kMostNodes)));
+  // Off the round numbers of drawings, so that no row of nodes runs within a face.
+  layOut(distance, box.min() - Vector3d::Constant(kMargin) - step * Vector3d(0.137, 0.291, 0.411), extent, step);
+  distance.value.assign(distance.index(0, 0, distance.size[2]), std::numeric_limits<float>::infinity());
+  layOut(binBegin, box.min() - Vector3d::Constant(kMargin), extent, kBinStep);
+  const double binReach = kReach + 0.5 * std::sqrt(3.0) * kBinStep;
+  const RayScene scene(mesh);
+  std::vector<std::vector<std::uint32_t>> bins(binBegin.index(0, 0, binBegin.size[2]));
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Corners corners = mesh.corners(i);
+    const bool hidden = closed && isHidden(scene, corners, mesh.normal(i));
+    if (!hidden)
+      visitNear(distance, corners, kBand, [&](int x, int y, int z, double d) {
+        float& value = distance.value[distance.index(x, y, z)];
+        value = std::min(value, static_cast<float>(d));
+      });
+    if (!hidden)
+      visitNear(binBegin, corners, binReach, [&](int x, int y, int z, double) {
+        bins[binBegin.index(x, y, z)].push_back(static_cast<std::uint32_t>(i));
+      });
+    normal.push_back(mesh.normal(i));
+    for (int k = 0; k < 9; ++k) triangle[k].push_back(static_cast<float>(corners[k / 3][k % 3]));
+    for (int k = 0; k < 3; ++k) triangle[9 + k].push_back(static_cast<float>(normal.back()[k]));
+    triangle[12].push_back(static_cast<float>(normal.back().dot(corners[0])));
+  }
+  fillBeyondBand(distance);
+  addSigns(scene, distance);
+  if (!closed) {
+    for (float& value : distance.value) value -= static_cast<float>(kOpenShrink * step);
+  }
+  for (const auto& bin : bins) {
+    binBegin.value.push_back(static_cast<std::uint32_t>(binTriangles.size()));
+    binTriangles.insert(binTriangles.end(), bin.begin(), bin.end());
+  }
+  binBegin.value.push_back(static_cast<std::uint32_t>(binTriangles.size()));
+  constexpr std::size_t kWidestVector = 16;  // may be read past the last bin
+  binTriangles.resize(binTriangles.size() + kWidestVector, 0);
+  for (const std::uint32_t i : binTriangles) {
+    const AlignedBox3d around = boxAround(mesh.corners(i), 0);
+    for (int k = 0; k < 3; ++k) binBox[k].push_back(static_cast<float>(around.min()[k]));
+    for (int k = 0; k < 3; ++k) binBox[3 + k].push_back(static_cast<float>(around.max()[k]));
+  }
+  error = interpolationErrors(distance);
+}
+
+double LinkGrid::upperBound(const Vector3d& p) const {
+  std::array<int, 3> at{};
+  double offNode = 0;
+  for (int i = 0; i < 3; ++i) {
+    const double u = (p[i] - distance.origin[i]) / distance.step;
+    at[i] = static_cast<int>(u + 0.5);
+    if (u < 0 || at[i] >= distance.size[i]) return std::numeric_limits<double>::infinity();
+    offNode += (u - at[i]) * (u - at[i]);
+  }
+  return distance.value[distance.index(at[0], at[1], at[2])] + std::sqrt(offNode) * distance.step;
+}
+
+double LinkGrid::lowerBound(const Vector3d& p) const {
+  std::array<int, 3> at{};
+  double outside = 0, offNode = 0;
+  for (int i = 0; i < 3; ++i) {
+    const double u = (p[i] - distance.origin[i]) / distance.step;
+    const double inside = std::clamp(u, 0.0, static_cast<double>(distance.size[i] - 1));
+    at[i] = static_cast<int>(inside + 0.5);
+    outside += (u - inside) * (u - inside);
+    offNode += (inside - at[i]) * (inside - at[i]);
+  }
+  const double value = distance.value[distance.index(at[0], at[1], at[2])] - std::sqrt(offNode) * distance.step;
+  // Seen from the lattice's boundary everything of the link lies on the other side.
+  if (!(outside > 0)) return value;
+  const double above = std::max(value, 0.0);
+  return std::sqrt(above * above + outside * distance.step * distance.step);
+}
+
+}  // namespace handhold

@@ -1,0 +1,55 @@
+#pragma once
+
+#include "mesh/object.h"
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace handhold {
+
+/// Spheres in blocks of 16 neighbours and superblocks of 16 blocks, x, y, z, radius as arrays.
+struct SphereTree {
+  static constexpr int kWidth = 16;
+  struct Spheres {
+    std::vector<float> x, y, z, radius;
+    std::size_t size() const { return x.size(); }
+    void add(const Eigen::Vector3d& center, double r);
+  };
+  Spheres blocks, superblocks;  // both padded to a multiple of 16 with spheres that nothing can touch
+};
+
+/// Spheres of a few millimetres that cover a surface (blocks of the tree).
+SphereTree coverSurface(const TriangleMesh& mesh);
+
+/// The object's surface as points and as small triangles, ordered so that neighbours stand together. Coordinates are
+/// relative to `center`, so that single precision holds to a few nanometres.
+/// @note Immutable; safe from many threads.
+struct ObjectShell {
+  static constexpr double kLongestEdge = 4.5e-3;          // m; longer triangles are split
+  static constexpr double kSharpEdgeStep = 1.2e-3;        // m, between points along edges that stick out
+  static constexpr std::size_t kMostTriangles = 400'000;  // with more the longest edge grows
+
+  explicit ObjectShell(const ObjectModel& object);
+
+  Eigen::Vector3d center;
+  bool closed = false;
+  double longestEdge = kLongestEdge;
+  double radius = 0;  // m, around `center`
+
+  SphereTree pointTree;
+  /// The corners of the small triangles, once each, and points along edges that stick out; block b at 16 b.
+  std::array<std::vector<float>, 3> point;
+
+  SphereTree triangleTree;
+  std::array<std::vector<float>, 9> corner;  // of the small triangles; block b at 16 b
+  std::array<std::vector<float>, 3> normal;  // unit, outward
+  std::array<std::vector<float>, 4> sphere;  // bounding sphere: x, y, z, radius
+  std::vector<std::uint32_t> source;         // the triangle of the object's mesh that a small one is part of
+
+  std::vector<Eigen::Vector3d> sourceNormal;  // of each triangle of the object's mesh, unit
+};
+
+}  // namespace handhold

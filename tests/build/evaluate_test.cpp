@@ -1,0 +1,59 @@
+#include "build/evaluate.h"
+
+#include "support/allocations.h"
+#include "support/random_contacts.h"
+
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace handhold {
+namespace {
+
+/// Gives the contacts that it was told to; nothing is in the way.
+class GivenContacts final : public GraspPolicy {
+ public:
+  void give(const std::vector<Contact>& contacts) { contacts_ = &contacts; }
+  void run(const GraspCandidate&, GraspTrial& trial) override {
+    trial.contacts = *contacts_;
+    trial.outcome = contacts_->size() < 3 ? GraspOutcome::tooFewContacts : GraspOutcome::notForceClosed;
+  }
+  bool approachIsClear(const GraspCandidate&, const GraspTrial&) override { return true; }
+  bool selfCollides(const GraspCandidate&, const GraspTrial&) override { return false; }
+  std::unique_ptr<GraspPolicy> clone() const override { return std::make_unique<GivenContacts>(*this); }
+
+ private:
+  const std::vector<Contact>* contacts_ = nullptr;
+};
+
+// Once a worker has seen the sizes, nothing after the policy comes from the heap, and its memory changes no result.
+TEST(Evaluate, SecondPassAllocatesNothing) {
+  if (!testing::countsAllocations()) GTEST_SKIP() << "a sanitizer has its own malloc";
+  std::vector<std::vector<Contact>> sets;
+  for (int seed = 0; seed < 60; ++seed) sets.push_back(testing::randomContacts(seed, 2 + seed % 8, 0.3));
+  GivenContacts policy;
+  FrictionCones cones({{0, 0, 0}, 1, 0.5, 8});
+  Evaluation evaluation;
+  StageSeconds seconds;
+  std::vector<double> epsilons[2];
+  for (auto& values : epsilons) values.reserve(sets.size());
+  int nClosed = 0;
+  for (int pass = 0; pass < 2; ++pass) {
+    const long before = testing::allocations();
+    for (const std::vector<Contact>& contacts : sets) {
+      policy.give(contacts);
+      evaluate(policy, {}, cones, evaluation, seconds);
+      epsilons[pass].push_back(evaluation.epsilon);
+      nClosed += evaluation.trial.outcome == GraspOutcome::forceClosed;
+    }
+    if (pass == 1) {
+      EXPECT_EQ(testing::allocations() - before, 0);
+    }
+  }
+  EXPECT_EQ(epsilons[0], epsilons[1]);
+  EXPECT_GT(nClosed, 20);
+  EXPECT_LT(nClosed, 100);
+}
+
+}  // namespace
+}  // namespace handhold

@@ -1,0 +1,368 @@
+// The exact search's kernel against triangles that are moved and tested one place after the other, and the instruction
+// sets against each other.
+#include "simulate/fast_kernels.h"
+
+#include "core/random.h"
+#include "hand/primitives.h"
+#include "support/brute_force.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+namespace handhold {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+using kernels::kGroup;
+using testing::trianglesCross;
+
+/// The instruction sets of fast_kernels.cpp; plain code is what the compiler's own flags give.
+constexpr std::int64_t kPlain = HWY_STATIC_TARGET, kNarrow = HWY_AVX2, kWide = HWY_AVX3;
+
+bool hasBoth() { return (hwy::SupportedTargets() & kNarrow) != 0 && (hwy::SupportedTargets() & kWide) != 0; }
+
+/// While it lives, kernels run on these instruction sets alone.
+class OnTarget {
+ public:
+  explicit OnTarget(std::int64_t target) { hwy::SetSupportedTargetsForTest(target); }
+  ~OnTarget() { hwy::SetSupportedTargetsForTest(0); }
+  OnTarget(const OnTarget&) = delete;
+  OnTarget& operator=(const OnTarget&) = delete;
+};
+
+/// Triangle `a` moves by tau times `velocity`, `b` stands still.
+struct Case {
+  Corners a, b;
+  Vector3d velocity;
+};
+
+struct Interval {
+  float enter, leave;
+  bool isEmpty() const { return enter > leave; }
+};
+
+Vector3d toFloat(const Vector3d& p) { return p.cast<float>().cast<double>(); }
+Corners toFloat(Corners t) {
+  for (Vector3d& p : t) p = toFloat(p);
+  return t;
+}
+
+Case makeCase(const Corners& a, const Corners& b, const Vector3d& velocity) {
+  return {toFloat(a), toFloat(b), toFloat(velocity)};
+}
+
+/// All cases in one call.
+std::vector<Interval> touchIntervals(const std::vector<Case>& cases) {
+  TriangleMesh link;
+  kernels::NearTriangles near;
+  const std::size_t full = (cases.size() + kGroup - 1) / kGroup * kGroup;
+  for (auto& array : near.value) array.assign(full, 0);
+  kernels::Pairs pairs;
+  pairs.count = cases.size();
+  pairs.a.assign(full, 0);
+  pairs.b.assign(full, 0);
+  pairs.enter.assign(full, 0);
+  pairs.leave.assign(full, 0);
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    const auto& [a, b, velocity] = cases[i];
+    const auto first = static_cast<std::uint32_t>(link.vertices.size());
+    link.vertices.insert(link.vertices.end(), b.begin(), b.end());
+    link.triangles.push_back({first, first + 1, first + 2});
+    const Vector3d normal = (a[1] - a[0]).cross(a[2] - a[0]).normalized();
+    for (int k = 0; k < 3; ++k) {
+      for (int corner = 0; corner < 3; ++corner) near.value[3 * corner + k][i] = static_cast<float>(a[corner][k]);
+      near.value[9 + k][i] = static_cast<float>(normal[k]);
+      near.value[12 + k][i] = static_cast<float>(velocity[k]);
+    }
+    near.id.push_back(static_cast<std::uint32_t>(i));
+    pairs.a[i] = pairs.b[i] = static_cast<std::uint32_t>(i);
+  }
+  kernels::touchIntervals(LinkGrid(link), near, pairs);
+  std::vector<Interval> result;
+  for (std::size_t i = 0; i < cases.size(); ++i) result.push_back({pairs.enter[i], pairs.leave[i]});
+  return result;
+}
+
+Interval touchInterval(const Corners& a, const Corners& b, const Vector3d& velocity) {
+  return touchIntervals({makeCase(a, b, velocity)})[0];
+}
+
+bool meetAt(const Case& c, double tau) {
+  Corners a = c.a;
+  for (Vector3d& p : a) p += tau * c.velocity;
+  return trianglesCross(a, c.b);
+}
+
+constexpr double kFarthest = 0.04, kSampling = 2e-4;  // of tau
+
+/// The interval of tau in double precision: triangles are convex, so it is one. Nothing: none of the samples meets.
+std::optional<std::pair<double, double>> sampledInterval(const Case& c) {
+  const int steps = static_cast<int>(2 * kFarthest / kSampling);
+  const auto at = [&](int i) { return -kFarthest + i * kSampling; };
+  const auto bisect = [&](double apart, double meets) {
+    for (int i = 0; i < 40; ++i) {
+      const double middle = 0.5 * (apart + meets);
+      (meetAt(c, middle) ? meets : apart) = middle;
+    }
+    return meets;
+  };
+  int first = 0, last = steps;
+  while (first <= steps && !meetAt(c, at(first))) ++first;
+  if (first > steps) return std::nullopt;
+  while (!meetAt(c, at(last))) --last;
+  return std::pair(bisect(at(first - 1), at(first)), bisect(at(last + 1), at(last)));
+}
+
+Vector3d randomVector(const RandomStream& stream, int at) {
+  return 2 * Vector3d(stream.uniform(at), stream.uniform(at + 1), stream.uniform(at + 2)) - Vector3d::Ones();
+}
+
+/// Triangles of up to `size` [m] up to 15 mm apart, one moving roughly towards the other at about 1 m per tau.
+std::vector<Case> randomCases(int count, double size) {
+  std::vector<Case> cases;
+  for (int i = 0; i < count; ++i) {
+    const RandomStream stream = RandomStream(17).child(i);
+    const Vector3d from = 0.015 * randomVector(stream, 0), to = 0.005 * randomVector(stream, 3);
+    Corners a, b;
+    for (int k = 0; k < 3; ++k) {
+      a[k] = from + size * randomVector(stream, 6 + 3 * k);
+      b[k] = to + size * randomVector(stream, 15 + 3 * k);
+    }
+    const Vector3d aim = to + 0.5 * size * randomVector(stream, 24) - from;
+    cases.push_back(
+        makeCase(a, b, (stream.uniform(27) < 0.5 ? 1 : -1) * aim.normalized() * (0.5 + stream.uniform(28))));
+  }
+  return cases;
+}
+
+TEST(TouchIntervals, AgreeWithSampledMotion) {
+  constexpr double kTolerance = 1e-5;
+  for (const double size : {0.001, 0.004, 0.01}) {
+    const std::vector<Case> cases = randomCases(400, size);
+    const std::vector<Interval> intervals = touchIntervals(cases);
+    int met = 0, apart = 0;
+    for (std::size_t i = 0; i < cases.size(); ++i) {
+      SCOPED_TRACE(::testing::Message() << "case " << i << " of triangles of " << size << " m");
+      const auto reference = sampledInterval(cases[i]);
+      const Interval found = intervals[i];
+      if (!reference) {
+        // What the samples missed must be shorter than their distance.
+        if (found.isEmpty()) ++apart;
+        const bool isBeyond = found.enter > kFarthest - kSampling || found.leave < -kFarthest + kSampling;
+        EXPECT_TRUE(found.isEmpty() || isBeyond || found.leave - found.enter < 1.01 * kSampling)
+            << found.enter << " .. " << found.leave;
+        continue;
+      }
+      const auto [enter, leave] = *reference;
+      if (enter <= -kFarthest || leave >= kFarthest || leave - enter < kSampling) continue;
+      ++met;
+      EXPECT_NEAR(found.enter, enter, kTolerance);
+      EXPECT_NEAR(found.leave, leave, kTolerance);
+    }
+    EXPECT_GT(met, 40);
+    EXPECT_GT(apart, 10);
+  }
+}
+
+const Corners kFloor = {Vector3d(0, 0, 0), Vector3d(0.01, 0, 0), Vector3d(0, 0.008, 0)};
+const Vector3d kDown = -Vector3d::UnitZ();
+constexpr double kHeight = 0.003, kNear = 2e-7;
+
+Corners shifted(Corners t, const Vector3d& by) {
+  for (Vector3d& p : t) p += by;
+  return t;
+}
+
+TEST(TouchIntervals, AVertexComesDownOnAFace) {
+  const Vector3d tip(0.002, 0.003, kHeight);
+  const Corners upright = {tip, tip + Vector3d(0.001, 0, 0.002), tip + Vector3d(-0.0005, 0.001, 0.004)};
+  const Interval found = touchInterval(upright, kFloor, kDown);
+  EXPECT_NEAR(found.enter, kHeight, kNear);
+  EXPECT_NEAR(found.leave, kHeight + 0.004, kNear);
+}
+
+TEST(TouchIntervals, AFaceComesDownOnAVertex) {
+  const Vector3d tip(0.002, 0.003, -kHeight);
+  const Corners upright = {tip, tip + Vector3d(0.001, 0, -0.002), tip + Vector3d(-0.0005, 0.001, -0.004)};
+  const Interval found = touchInterval(kFloor, upright, kDown);
+  EXPECT_NEAR(found.enter, kHeight, kNear);
+  EXPECT_NEAR(found.leave, kHeight + 0.004, kNear);
+}
+
+// Vertex on vertex: nothing may slip through where triangles end.
+TEST(TouchIntervals, AVertexMeetsAVertex) {
+  for (int corner = 0; corner < 3; ++corner) {
+    const Vector3d tip = kFloor[corner] + Vector3d(0, 0, kHeight);
+    const Corners upright = {tip, tip + Vector3d(0.001, 0.0003, 0.002), tip + Vector3d(-0.0005, 0.001, 0.004)};
+    const Interval found = touchInterval(upright, kFloor, kDown);
+    ASSERT_FALSE(found.isEmpty()) << "corner " << corner;
+    EXPECT_NEAR(found.enter, kHeight, kNear);
+  }
+}
+
+TEST(TouchIntervals, AVertexMeetsAnEdge) {
+  for (int corner = 0; corner < 3; ++corner) {
+    const Vector3d tip = 0.3 * kFloor[corner] + 0.7 * kFloor[(corner + 1) % 3] + Vector3d(0, 0, kHeight);
+    const Corners upright = {tip, tip + Vector3d(0.001, 0.0003, 0.002), tip + Vector3d(-0.0005, 0.001, 0.004)};
+    const Interval found = touchInterval(upright, kFloor, kDown);
+    ASSERT_FALSE(found.isEmpty()) << "edge " << corner;
+    EXPECT_NEAR(found.enter, kHeight, kNear);
+  }
+}
+
+// Two edges cross at right angles, then at a small one.
+TEST(TouchIntervals, AnEdgeMeetsAnEdge) {
+  for (const double angle : {1.57, 0.3, 0.02}) {
+    const Vector3d middle(0.004, 0, kHeight), along(std::cos(angle), std::sin(angle), 0);
+    const Corners ridge = {middle - 0.003 * along, middle + 0.003 * along, middle + Vector3d(0, -0.001, 0.002)};
+    const Corners wall = {Vector3d(0, 0, 0), Vector3d(0.008, 0, 0), Vector3d(0.003, 0.001, -0.004)};
+    const Interval found = touchInterval(ridge, wall, kDown);
+    ASSERT_FALSE(found.isEmpty()) << angle;
+    EXPECT_NEAR(found.enter, kHeight, kNear) << angle;
+  }
+}
+
+// Parallel edges that come down on each other, in part and at full length.
+TEST(TouchIntervals, AnEdgeMeetsAParallelEdge) {
+  const Corners wall = {Vector3d(0, 0, 0), Vector3d(0.008, 0, 0), Vector3d(0.003, 0.001, -0.004)};
+  for (const auto& [from, to] : {std::pair(0.002, 0.005), std::pair(-0.002, 0.005), std::pair(0.0, 0.008),
+                                 std::pair(-0.001, 0.009), std::pair(0.003, 0.012)}) {
+    const Corners ridge = {Vector3d(from, 0, kHeight), Vector3d(to, 0, kHeight), Vector3d(0.003, -0.0005, 0.007)};
+    const Interval found = touchInterval(ridge, wall, kDown);
+    ASSERT_FALSE(found.isEmpty()) << from << " .. " << to;
+    EXPECT_NEAR(found.enter, kHeight, kNear) << from << " .. " << to;
+  }
+}
+
+// Parallel faces meet all at once: one within the other, in part, crossed without a corner inside, and equal.
+TEST(TouchIntervals, AFaceMeetsAParallelFace) {
+  const Vector3d up(0, 0, kHeight);
+  const Corners small = {Vector3d(0.001, 0.001, 0), Vector3d(0.001, 0.003, 0), Vector3d(0.003, 0.001, 0)};
+  const Corners large = {Vector3d(-0.01, -0.01, 0), Vector3d(-0.01, 0.03, 0), Vector3d(0.03, -0.01, 0)};
+  const Corners star = {Vector3d(-0.001, 0.004, 0), Vector3d(0.008, 0.0043, 0), Vector3d(0.003, -0.003, 0)};
+  const Corners beside = shifted(kFloor, {0.004, 0.001, 0});
+  for (const Corners& face : {small, large, star, beside, kFloor}) {
+    for (const Vector3d& velocity : {kDown, Vector3d(0.2, -0.1, -1)}) {
+      const Interval found = touchInterval(shifted(face, up - kHeight * (velocity - kDown)), kFloor, velocity);
+      ASSERT_FALSE(found.isEmpty());
+      EXPECT_NEAR(found.enter, kHeight, kNear);
+      EXPECT_NEAR(found.leave, kHeight, kNear);
+    }
+  }
+}
+
+TEST(TouchIntervals, PairsThatPassEachOtherNeverMeet) {
+  const Corners high = shifted(kFloor, {0.001, 0.001, kHeight});
+  EXPECT_TRUE(touchInterval(high, kFloor, Vector3d::UnitX()).isEmpty());  // slides above
+  EXPECT_TRUE(touchInterval(high, kFloor, Vector3d(0.3, -1, 0)).isEmpty());
+  EXPECT_TRUE(touchInterval(shifted(kFloor, {0.02, 0, kHeight}), kFloor, kDown).isEmpty());  // beside it
+  EXPECT_TRUE(touchInterval(shifted(kFloor, {0.0051, 0.0041, kHeight}), kFloor, kDown).isEmpty());
+  const Corners upright = {Vector3d(0, 0.01, 0), Vector3d(0.002, 0.011, 0.004), Vector3d(-0.002, 0.01, -0.003)};
+  EXPECT_TRUE(touchInterval(upright, kFloor, Vector3d::UnitX()).isEmpty());
+  EXPECT_FALSE(touchInterval(upright, kFloor, -Vector3d::UnitY()).isEmpty());
+}
+
+// What meets now and what met before have intervals that say so.
+TEST(TouchIntervals, ReachBackInTime) {
+  const Vector3d tip(0.002, 0.003, -0.001);
+  const Corners through = {tip, tip + Vector3d(0.001, 0, 0.003), tip + Vector3d(-0.0005, 0.001, 0.004)};
+  const Interval now = touchInterval(through, kFloor, kDown);
+  EXPECT_NEAR(now.enter, -0.001, kNear);
+  EXPECT_NEAR(now.leave, 0.003, kNear);
+  const Interval before = touchInterval(shifted(through, {0, 0, -0.01}), kFloor, kDown);
+  EXPECT_NEAR(before.enter, -0.011, kNear);
+  EXPECT_NEAR(before.leave, -0.007, kNear);
+}
+
+// Each result depends on its own pair alone: not on how many there are nor on the place among them.
+TEST(TouchIntervals, DependOnTheirOwnPairAlone) {
+  std::vector<Case> cases = randomCases(37, 0.006);
+  const std::vector<Interval> all = touchIntervals(cases);
+  for (std::size_t i = 0; i < cases.size(); i += 5) {
+    const Interval alone = touchIntervals({cases[i]})[0];
+    EXPECT_EQ(alone.enter, all[i].enter);
+    EXPECT_EQ(alone.leave, all[i].leave);
+  }
+  std::reverse(cases.begin(), cases.end());
+  const std::vector<Interval> backwards = touchIntervals(cases);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_EQ(backwards[all.size() - 1 - i].enter, all[i].enter);
+    EXPECT_EQ(backwards[all.size() - 1 - i].leave, all[i].leave);
+  }
+}
+
+/// Random points around two tilted cylinders: their distances.
+std::vector<float> someDistances(const LinkGrid& grid) {
+  std::vector<kernels::PlacedGrid> placed;
+  for (int i = 0; i < 2; ++i) {
+    Eigen::Isometry3d X(Eigen::AngleAxisd(0.7 + i, Vector3d(1, 2, 3 - i).normalized()));
+    X.translation() = Vector3d(0.004 * i, -0.01, 0.003);
+    placed.push_back({&grid, Placement::of(X)});
+  }
+  std::vector<float> result;
+  for (int group = 0; group < 40; ++group) {
+    kernels::Points points{};
+    for (int i = 0; i < kGroup; ++i) {
+      const RandomStream stream = RandomStream(23).child(kGroup * group + i);
+      const Vector3f p = (0.04 * randomVector(stream, 0)).cast<float>();
+      points.x[i] = p.x(), points.y[i] = p.y(), points.z[i] = p.z();
+    }
+    alignas(64) float distance[kGroup];
+    kernels::distances(placed, points, distance);
+    result.insert(result.end(), distance, distance + kGroup);
+  }
+  return result;
+}
+
+TEST(InstructionSets, Avx2AndAvx512GiveEqualBits) {
+  if (!hasBoth()) GTEST_SKIP() << "this machine does not have both AVX2 and AVX-512";
+  const LinkGrid grid(cylinderMesh(0.012, 0.05));
+  const std::vector<Case> cases = randomCases(500, 0.006);
+  std::vector<float> distances[2];
+  std::vector<Interval> intervals[2];
+  for (int i = 0; i < 2; ++i) {
+    const OnTarget target(i == 0 ? kNarrow : kWide);
+    distances[i] = someDistances(grid);
+    intervals[i] = touchIntervals(cases);
+  }
+  EXPECT_EQ(distances[0], distances[1]);
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    EXPECT_EQ(intervals[0][i].enter, intervals[1][i].enter) << i;
+    EXPECT_EQ(intervals[0][i].leave, intervals[1][i].leave) << i;
+  }
+}
+
+// Without fused multiply-add last bits differ. Speeds are about 1 m per tau, so tau is a length too.
+TEST(InstructionSets, PlainCodeAgreesToAMicrometre) {
+  constexpr float kMicrometre = 1e-6F;
+  const LinkGrid grid(cylinderMesh(0.012, 0.05));
+  const std::vector<Case> cases = randomCases(500, 0.006);
+  const std::vector<float> widest = someDistances(grid);
+  const std::vector<Interval> found = touchIntervals(cases);
+  const OnTarget target(kPlain);
+  const std::vector<float> plain = someDistances(grid);
+  for (std::size_t i = 0; i < plain.size(); ++i) EXPECT_NEAR(plain[i], widest[i], kMicrometre) << i;
+  const std::vector<Interval> plainly = touchIntervals(cases);
+  EXPECT_TRUE(!hasBoth() || plain != widest) << "the same code ran twice";
+  int compared = 0;
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    // Pairs that barely graze each other may meet here and not there.
+    if (found[i].leave - found[i].enter < 10 * kMicrometre && plainly[i].leave - plainly[i].enter < 10 * kMicrometre)
+      continue;
+    ++compared;
+    EXPECT_NEAR(plainly[i].enter, found[i].enter, kMicrometre) << i;
+    EXPECT_NEAR(plainly[i].leave, found[i].leave, kMicrometre) << i;
+  }
+  EXPECT_GT(compared, 100);
+}
+
+}  // namespace
+}  // namespace handhold

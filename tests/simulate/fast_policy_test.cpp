@@ -1,0 +1,543 @@
+// The fast policy against the reference with fine steps, and what it promises: equal trials whoever runs them, contacts
+// on both surfaces.
+#include "simulate/fast_policy.h"
+
+#include "core/random.h"
+#include "hand/primitives.h"
+#include "sample/surface_samples.h"
+#include "support/brute_force.h"
+#include "support/toy_hands.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <numbers>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+namespace handhold {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using namespace handhold::testing;
+
+constexpr double kBackoffTolerance = 1e-5;  // m
+constexpr double kSlideTolerance = 5e-5;    // m; a tip that grazes what it left turns 2 um of back-off into ten times that
+constexpr double kAngleTolerance = 5e-4;    // rad
+constexpr double kAgreeing = 0.97;          // of the trials; windows thinner than a step are missed
+constexpr double kAgreeingContacts = 0.85;  // how many there are depends on micrometres
+
+const std::uint64_t kSeed = std::getenv("SEED") ? 100*atoi(getenv("SEED")) : 1;
+const std::size_t kTrials = std::getenv("NT") ? atoi(getenv("NT")) : 16;  // of a hand and an object
+
+struct FieldedHand {
+  Hand hand;
+  std::shared_ptr<const HandFields> fields;
+
+  explicit FieldedHand(Hand h) : hand(std::move(h)), fields(makeHandFields(hand)) {}
+};
+
+/// Loaded once for all tests, as their fields take a while.
+const FieldedHand& shippedHand(const std::string& folder) {
+  static std::map<std::string, std::unique_ptr<const FieldedHand>> loaded;
+  auto& hand = loaded[folder];
+  if (hand == nullptr) hand = std::make_unique<const FieldedHand>(loadHand(HANDHOLD_SOURCE_DIR "/" + folder));
+  return *hand;
+}
+
+const ObjectModel& shippedObject(const std::string& file) {
+  static std::map<std::string, std::unique_ptr<const ObjectModel>> loaded;
+  auto& object = loaded[file];
+  if (object == nullptr)
+    object = std::make_unique<const ObjectModel>(loadObject(HANDHOLD_SOURCE_DIR "/meshes/" + file, {1, true, "m"}));
+  return *object;
+}
+
+/// Samples of the object's surface with random rolls and preshapes.
+std::vector<GraspCandidate> candidatesOn(const ObjectModel& object, const Hand& hand, std::size_t count,
+                                         std::uint64_t seed) {
+  const SurfaceSamples samples = sampleSurfaceCount(object, RayScene(object.mesh), count, "object");
+  std::vector<GraspCandidate> candidates;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const RandomStream stream = RandomStream(seed).child(i);
+    candidates.push_back({samples.point[i].cast<double>(), samples.approach[i].cast<double>().normalized(),
+                          2 * std::numbers::pi * stream.uniform(0),
+                          static_cast<int>(stream.bits(1) % hand.preshapes.size())});
+  }
+  return candidates;
+}
+
+ReferenceSettings fineSettings() {
+  ReferenceSettings settings;
+  settings.linearStep = 5e-4;
+  settings.angularStep = 0.5 * std::numbers::pi / 180;
+  settings.linearTolerance = 1e-6;
+  settings.angularTolerance = 1e-5;
+  return settings;
+}
+
+std::set<int> touchedLinks(const GraspTrial& trial) {
+  std::set<int> links;
+  for (const ClosingStop& stop : trial.stops) links.insert(stop.links.begin(), stop.links.end());
+  return links;
+}
+
+std::string described(const GraspTrial& trial) {
+  std::ostringstream text;
+  text.precision(8);
+  text << kOutcomeNames[static_cast<std::size_t>(trial.outcome)] << ", back-off " << trial.backoff << ", hand "
+       << trial.X_OH.translation().transpose() << ", joints " << trial.jointPosition.transpose() << ", links";
+  for (const int link : touchedLinks(trial)) text << " " << link;
+  text << ", " << trial.contacts.size() << " contacts" << (trial.byReference ? ", by reference" : "");
+  return text.str();
+}
+
+double quantile(std::vector<double> values, double q) {
+  if (values.empty()) return 0;
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1))];
+}
+
+/// How far the fast policy's trials are from the fine reference's.
+class Agreement {
+ public:
+  void compare(const std::string& name, const Hand& hand, GraspPolicy& fast, GraspPolicy& fine,
+               const std::vector<GraspCandidate>& candidates) {
+    for (const GraspCandidate& candidate : candidates) {
+      GraspTrial a, b;
+      fast.run(candidate, a);
+      fine.run(candidate, b);
+      add(name, hand, candidate, a, b);
+    }
+  }
+
+  void add(const std::string& name, const Hand& hand, const GraspCandidate& candidate, const GraspTrial& fast,
+           const GraspTrial& fine) {
+    ++trials;
+    byReference += fast.byReference;
+    double angle = 0, slide = 0;
+    for (std::size_t i = 0; i < hand.joints.size(); ++i) {
+      double& largest = hand.joints[i].type == JointType::revolute ? angle : slide;
+      const double apart = std::abs(fast.jointPosition[i] - fine.jointPosition[i]);
+      largest = std::max(largest, apart);
+    }
+    const double backoff = std::abs(fast.backoff - fine.backoff);
+    const double pose = (fast.X_OH.matrix() - fine.X_OH.matrix()).cwiseAbs().maxCoeff();
+    backoffs.push_back(backoff);
+    poses.push_back(pose);
+    angles.push_back(angle);
+    slides.push_back(slide);
+    const bool close = backoff <= kBackoffTolerance && pose <= kSlideTolerance && slide <= kSlideTolerance &&
+                       angle <= kAngleTolerance;
+    const bool sameLinks = touchedLinks(fast) == touchedLinks(fine), sameOutcome = fast.outcome == fine.outcome;
+    agree += close;
+    agreeOnLinks += sameLinks;
+    agreeOnOutcome += sameOutcome;
+    agreeOnContacts += fast.contacts.size() == fine.contacts.size();
+    if (close && sameLinks && sameOutcome) return;
+    differences << name << ": point " << candidate.targetPoint.transpose() << ", approach "
+                << candidate.approach.transpose() << ", roll " << candidate.roll << ", preshape " << candidate.preshape
+                << "\n    fast " << described(fast) << "\n    fine " << described(fine) << "\n";
+  }
+
+  /// At least `agreeing` of the trials do.
+  void expect(double agreeing = kAgreeing, double agreeingContacts = kAgreeingContacts) const {
+    EXPECT_GE(share(agree), agreeing);
+    EXPECT_GE(share(agreeOnLinks), agreeing);
+    EXPECT_GE(share(agreeOnOutcome), agreeing);
+    EXPECT_GE(share(agreeOnContacts), agreeingContacts);
+    if (::testing::Test::HasFailure() || std::getenv("VERB")) std::cout << report();
+  }
+
+  double share(std::size_t count) const { return static_cast<double>(count) / static_cast<double>(trials); }
+
+  std::string report() const {
+    std::ostringstream text;
+    text << trials << " trials, " << byReference << " by reference; agree " << share(agree) << ", on links "
+         << share(agreeOnLinks) << ", outcome " << share(agreeOnOutcome) << ", contacts " << share(agreeOnContacts)
+         << "\n";
+    for (const auto& [name, values] : {std::pair("back-off [m]", &backoffs), std::pair("hand [m]", &poses),
+                                       std::pair("angles [rad]", &angles), std::pair("slides [m]", &slides)}) {
+      text << name << ": p50 " << quantile(*values, 0.5) << ", p90 " << quantile(*values, 0.9) << ", p97 "
+           << quantile(*values, 0.97) << ", largest " << quantile(*values, 1) << "\n";
+    }
+    return text.str() + differences.str();
+  }
+
+  std::size_t trials = 0, byReference = 0, agree = 0, agreeOnLinks = 0, agreeOnOutcome = 0, agreeOnContacts = 0;
+  std::vector<double> backoffs, poses, angles, slides;
+  std::ostringstream differences;
+};
+
+/// Runs the candidates through a fast policy and the fine reference.
+void compare(Agreement& agreement, const std::string& name, const FieldedHand& fielded, const ObjectModel& object,
+             PolicyKind kind, const std::vector<GraspCandidate>& candidates) {
+  const auto& [hand, fields] = fielded;
+  const auto fast = makeFastPolicy(fields, hand, object, kind);
+  const auto fine = makeReferencePolicy(hand, object, kind, fineSettings());
+  agreement.compare(name, hand, *fast, *fine, candidates);
+}
+
+std::vector<GraspTrial> runAll(GraspPolicy& policy, const std::vector<GraspCandidate>& candidates) {
+  std::vector<GraspTrial> trials(candidates.size());
+  for (std::size_t i = 0; i < candidates.size(); ++i) policy.run(candidates[i], trials[i]);
+  return trials;
+}
+
+/// To the last bit.
+void expectEqual(const GraspTrial& a, const GraspTrial& b) {
+  EXPECT_EQ(a.outcome, b.outcome);
+  EXPECT_EQ(a.backoff, b.backoff);
+  EXPECT_EQ(a.byReference, b.byReference);
+  EXPECT_TRUE(a.X_OH.matrix() == b.X_OH.matrix());
+  EXPECT_TRUE(a.centering == b.centering);
+  EXPECT_TRUE(a.jointPosition == b.jointPosition);
+  ASSERT_EQ(a.stops.size(), b.stops.size());
+  for (std::size_t i = 0; i < a.stops.size(); ++i) {
+    EXPECT_EQ(a.stops[i].joint, b.stops[i].joint);
+    EXPECT_EQ(a.stops[i].position, b.stops[i].position);
+    EXPECT_EQ(a.stops[i].links, b.stops[i].links);
+  }
+  ASSERT_EQ(a.contacts.size(), b.contacts.size());
+  for (std::size_t i = 0; i < a.contacts.size(); ++i) {
+    EXPECT_TRUE(a.contacts[i].position == b.contacts[i].position);
+    EXPECT_TRUE(a.contacts[i].normal == b.contacts[i].normal);
+    EXPECT_EQ(a.contacts[i].link, b.contacts[i].link);
+  }
+}
+
+void expectFinite(const GraspTrial& trial) {
+  EXPECT_TRUE(std::isfinite(trial.backoff));
+  EXPECT_TRUE(trial.X_OH.matrix().allFinite());
+  EXPECT_TRUE(trial.centering.allFinite());
+  EXPECT_TRUE(trial.jointPosition.allFinite());
+  for (const Contact& contact : trial.contacts) {
+    EXPECT_TRUE(contact.position.allFinite());
+    EXPECT_NEAR(contact.normal.norm(), 1, 1e-9);
+  }
+}
+
+/// What is stored as a contact lies on the object and within the contact distance of the link, and its normal is that
+/// of a triangle there.
+void expectContactsOnBothSurfaces(const Hand& hand, const ObjectModel& object, const GraspTrial& trial) {
+  const std::vector<Isometry3d> X_HL = forwardKinematics(hand, trial.jointPosition);
+  for (const Contact& contact : trial.contacts) {
+    EXPECT_LT(distanceTo(contact.position, object.mesh), 1e-9);
+    const Vector3d p_L = (trial.X_OH * X_HL[contact.link]).inverse() * contact.position;
+    EXPECT_LE(distanceTo(p_L, hand.links[contact.link].mesh), ReferenceSettings().contactDistance + 1e-9);
+    double best = 2;
+    for (std::size_t t = 0; t < object.mesh.triangles.size(); ++t) {
+      if ((closestPointOnTriangle(contact.position, object.mesh.corners(t)) - contact.position).norm() > 1e-9) continue;
+      best = std::min(best, (object.mesh.normal(t) + contact.normal).norm());
+      if (!object.watertight) best = std::min(best, (object.mesh.normal(t) - contact.normal).norm());
+    }
+    EXPECT_LT(best, 1e-9);
+  }
+}
+
+/// No link cuts through the object's surface.
+void expectNothingCrosses(const Hand& hand, const ObjectModel& object, const GraspTrial& trial) {
+  const std::vector<Isometry3d> X_HL = forwardKinematics(hand, trial.jointPosition);
+  for (std::size_t i = 0; i < hand.links.size(); ++i) {
+    EXPECT_FALSE(surfacesCross(object.mesh, hand.links[i].mesh, trial.X_OH * X_HL[i])) << hand.links[i].name;
+  }
+}
+
+/// An L without small triangles.
+ObjectModel ellObject() {
+  TriangleMesh mesh;
+  append(mesh, boxMesh({0.1, 0.03, 0.03}), Isometry3d::Identity());
+  append(mesh, boxMesh({0.03, 0.03, 0.08}), Isometry3d(Eigen::Translation3d(0.034, 0.002, 0.055)));
+  return makeObject(std::move(mesh));
+}
+
+/// The object with a hole: one triangle is missing.
+ObjectModel punched(const ObjectModel& object) {
+  TriangleMesh mesh = object.mesh;
+  mesh.triangles.erase(mesh.triangles.begin() + static_cast<std::ptrdiff_t>(mesh.triangles.size() / 3));
+  return makeObject(std::move(mesh));
+}
+
+/// The upper half of a sphere, a sheet.
+ObjectModel dome(double radius) {
+  TriangleMesh mesh = sphereMesh(radius);
+  std::erase_if(mesh.triangles, [&](const auto& t) {
+    return mesh.vertices[t[0]].z() + mesh.vertices[t[1]].z() + mesh.vertices[t[2]].z() < 0;
+  });
+  return makeObject(std::move(mesh));
+}
+
+class ShippedHand : public ::testing::TestWithParam<const char*> {
+ protected:
+  std::string name() const { return GetParam(); }
+  const FieldedHand& fielded() const { return shippedHand("hands/" + name()); }
+};
+INSTANTIATE_TEST_SUITE_P(Shipped, ShippedHand, ::testing::Values("barrett", "hrp2", "jaw"),
+                         [](const auto& item) { return std::string(item.param); });
+
+TEST_P(ShippedHand, AgreesWithTheFineReference) {
+  Agreement agreement;
+  for (const char* file : {"mug.obj", "t_bar.ply", "bottle.stl", "box.stl"}) {
+    const ObjectModel& object = shippedObject(file);
+    compare(agreement, name() + " on " + file, fielded(), object, PolicyKind::surfaceNormal,
+            candidatesOn(object, fielded().hand, kTrials, kSeed));
+  }
+  agreement.expect();
+  EXPECT_LE(agreement.share(agreement.byReference), 0.1);
+}
+
+// Twelve large triangles, tilted against all axes, and an L of two such boxes.
+TEST_P(ShippedHand, AgreesOnLargeTriangles) {
+  Agreement agreement;
+  Isometry3d X(Eigen::AngleAxisd(0.6, Vector3d(1, -2, 3).normalized()));
+  const ObjectModel box = boxObject({0.06, 0.1, 0.16}, X), ell = ellObject();
+  for (const ObjectModel* object : {&box, &ell}) {
+    compare(agreement, name() + (object == &box ? " on a tilted box" : " on an L"), fielded(), *object,
+            PolicyKind::surfaceNormal, candidatesOn(*object, fielded().hand, kTrials, kSeed));
+  }
+  agreement.expect();
+}
+
+TEST_P(ShippedHand, AgreesWhenItComesFromOutside) {
+  Agreement agreement;
+  for (const char* file : {"mug.obj", "t_bar.ply"}) {
+    const ObjectModel& object = shippedObject(file);
+    compare(agreement, name() + " from outside on " + file, fielded(), object, PolicyKind::centerOfMass,
+            candidatesOn(object, fielded().hand, kTrials, kSeed + 1));
+  }
+  agreement.expect();
+}
+
+// Targets below the surface: the hand starts inside the object and backs out.
+TEST_P(ShippedHand, AgreesWhenItStartsInside) {
+  Agreement agreement;
+  for (const char* file : {"mug.obj", "bottle.stl"}) {
+    const ObjectModel& object = shippedObject(file);
+    std::vector<GraspCandidate> candidates = candidatesOn(object, fielded().hand, kTrials, kSeed + 2);
+    for (std::size_t i = 0; i < candidates.size(); ++i) {
+      candidates[i].targetPoint += 0.03 * RandomStream(31).uniform(i) * candidates[i].approach;
+    }
+    compare(agreement, name() + " from inside " + file, fielded(), object, PolicyKind::surfaceNormal, candidates);
+  }
+  agreement.expect();
+}
+
+// One triangle is missing, or the lower half of the object.
+TEST_P(ShippedHand, AgreesOnOpenMeshes) {
+  Agreement agreement;
+  const ObjectModel mug = punched(shippedObject("mug.obj")), half = dome(0.04);
+  ASSERT_FALSE(mug.watertight);
+  ASSERT_FALSE(half.watertight);
+  for (const ObjectModel* object : {&mug, &half}) {
+    compare(agreement, name() + (object == &mug ? " on an open mug" : " on a dome"), fielded(), *object,
+            PolicyKind::surfaceNormal, candidatesOn(*object, fielded().hand, kTrials, kSeed + 3));
+  }
+  agreement.expect();
+}
+
+TEST_P(ShippedHand, AgreesOnLargeAndOnTinyObjects) {
+  Agreement agreement;
+  const ObjectModel block = boxObject({0.5, 0.4, 0.35});
+  const ObjectModel cube = boxObject({0.005, 0.005, 0.005}), pea = sphereObject(0.0025);
+  for (const auto& [what, object] : {std::pair(" on a block", &block), std::pair(" on a cube of 5 mm", &cube),
+                                     std::pair(" on a pea", &pea)}) {
+    compare(agreement, name() + what, fielded(), *object, PolicyKind::surfaceNormal,
+            candidatesOn(*object, fielded().hand, kTrials, kSeed + 4));
+  }
+  agreement.expect();
+}
+
+TEST_P(ShippedHand, GivesEqualTrialsInAnyOrderAndFromAClone) {
+  const auto& [hand, fields] = fielded();
+  const ObjectModel& object = shippedObject("mug.obj");
+  const auto candidates = candidatesOn(object, hand, 40, kSeed + 5);
+  const auto policy = makeFastPolicy(fields, hand, object, PolicyKind::surfaceNormal);
+  const auto trials = runAll(*policy, candidates);
+  std::vector<GraspCandidate> backwards(candidates.rbegin(), candidates.rend());
+  auto again = runAll(*policy, backwards);
+  std::reverse(again.begin(), again.end());
+  const auto ofClone = runAll(*policy->clone(), candidates);
+  const auto ofAnother = runAll(*makeFastPolicy(fields, hand, object, PolicyKind::surfaceNormal), candidates);
+  const auto withOtherFields =
+      runAll(*makeFastPolicy(makeHandFields(hand), hand, object, PolicyKind::surfaceNormal), candidates);
+  for (std::size_t i = 0; i < trials.size(); ++i) {
+    SCOPED_TRACE("candidate " + std::to_string(i));
+    expectEqual(trials[i], again[i]);
+    expectEqual(trials[i], ofClone[i]);
+    expectEqual(trials[i], ofAnother[i]);
+    expectEqual(trials[i], withOtherFields[i]);
+  }
+}
+
+TEST_P(ShippedHand, StopsOutsideWithContactsOnBothSurfaces) {
+  const auto& [hand, fields] = fielded();
+  std::size_t contacts = 0;
+  for (const char* file : {"mug.obj", "bottle.stl"}) {
+    const ObjectModel& object = shippedObject(file);
+    const auto policy = makeFastPolicy(fields, hand, object, PolicyKind::surfaceNormal);
+    for (const GraspCandidate& candidate : candidatesOn(object, hand, 8, kSeed + 6)) {
+      GraspTrial trial;
+      policy->run(candidate, trial);
+      expectFinite(trial);
+      expectContactsOnBothSurfaces(hand, object, trial);
+      if (trial.outcome != GraspOutcome::blockedCentering) expectNothingCrosses(hand, object, trial);
+      contacts += trial.contacts.size();
+    }
+  }
+  EXPECT_GT(contacts, 30U);
+}
+
+TEST_P(ShippedHand, GivesEqualBitsWithAvx2AndAvx512) {
+  if ((hwy::SupportedTargets() & HWY_AVX2) == 0 || (hwy::SupportedTargets() & HWY_AVX3) == 0)
+    GTEST_SKIP() << "this machine does not have both AVX2 and AVX-512";
+  const auto& [hand, fields] = fielded();
+  for (const char* file : {"mug.obj", "box.stl"}) {
+    const ObjectModel& object = shippedObject(file);
+    const auto candidates = candidatesOn(object, hand, 40, kSeed + 7);
+    const auto policy = makeFastPolicy(fields, hand, object, PolicyKind::surfaceNormal);
+    hwy::SetSupportedTargetsForTest(HWY_AVX3);
+    const auto wide = runAll(*policy, candidates);
+    hwy::SetSupportedTargetsForTest(HWY_AVX2);
+    const auto narrow = runAll(*policy, candidates);
+    hwy::SetSupportedTargetsForTest(0);
+    for (std::size_t i = 0; i < candidates.size(); ++i) {
+      SCOPED_TRACE(std::string(file) + ", candidate " + std::to_string(i));
+      expectEqual(wide[i], narrow[i]);
+    }
+  }
+}
+
+TEST_P(ShippedHand, GivesNearlyEqualTrialsWithPlainCode) {
+  const auto& [hand, fields] = fielded();
+  std::size_t trials = 0, agree = 0;
+  for (const char* file : {"mug.obj", "box.stl"}) {
+    const ObjectModel& object = shippedObject(file);
+    const auto candidates = candidatesOn(object, hand, 40, kSeed + 7);
+    const auto policy = makeFastPolicy(fields, hand, object, PolicyKind::surfaceNormal);
+    const auto widest = runAll(*policy, candidates);
+    hwy::SetSupportedTargetsForTest(HWY_STATIC_TARGET);  // what the compiler's own flags give
+    const auto plain = runAll(*policy, candidates);
+    hwy::SetSupportedTargetsForTest(0);
+    for (std::size_t i = 0; i < candidates.size(); ++i) {
+      ++trials;
+      const double pose = (widest[i].X_OH.matrix() - plain[i].X_OH.matrix()).cwiseAbs().maxCoeff();
+      bool close = pose <= 1e-5 && std::abs(widest[i].backoff - plain[i].backoff) <= 1e-5;
+      for (std::size_t j = 0; j < hand.joints.size(); ++j) {
+        const double tolerance = hand.joints[j].type == JointType::revolute ? 1e-4 : 1e-5;
+        close = close && std::abs(widest[i].jointPosition[j] - plain[i].jointPosition[j]) <= tolerance;
+      }
+      agree += close;
+      if (!close) std::cout << file << ", candidate " << i << "\n    " << described(widest[i]) << "\n    " << described(plain[i]) << "\n";
+    }
+  }
+  EXPECT_GE(static_cast<double>(agree), kAgreeing * static_cast<double>(trials));
+}
+
+// --- toy hands: every kind of closing step
+
+/// Two prismatic fingers and a revolute one, each on its own, with a distal link that mimics it without a clutch.
+Hand makeMixedHand() {
+  Hand hand = makeFingers(3);
+  for (ClosingJoint& closing : hand.closing) closing.breakawayJoint = -1;
+  for (int i = 0; i < 2; ++i) {
+    HandJoint& joint = hand.joints[2 * i];
+    joint.type = JointType::prismatic;
+    joint.axis = -Vector3d::UnitX();
+    joint.lower = -0.01;
+    joint.upper = 0.045;
+    hand.joints[2 * i + 1].mimicMultiplier = 25;  // rad per m
+    hand.joints[2 * i + 1].mimicOffset = 0.1;
+    hand.preshapes[0].jointPosition[2 * i] = -0.008;
+  }
+  hand.preshapes[0].jointPosition = followMimics(hand, hand.preshapes[0].jointPosition);
+  return hand;
+}
+
+struct Toy {
+  const char* name;
+  Hand (*make)();
+};
+
+Hand withStandoff(Hand hand, double standoff) {
+  hand.preshapes[0].standoff = standoff;
+  return hand;
+}
+
+/// The jaw's first pad closes towards the other, which is fixed at its place in the preshape.
+Hand makeFixedJaw() {
+  Hand hand = makeJaw(false);
+  hand.closing.pop_back();
+  hand.closing[0].selfCentering = true;
+  return hand;
+}
+
+class ToyHand : public ::testing::TestWithParam<Toy> {};
+INSTANTIATE_TEST_SUITE_P(
+    All, ToyHand,
+    ::testing::Values(Toy{"jaw", [] { return makeJaw(false); }}, Toy{"coupled_jaw", [] { return makeJaw(true); }},
+                      Toy{"fixed_jaw", makeFixedJaw}, Toy{"two_fingers", [] { return makeFingers(2); }},
+                      Toy{"three_fingers", [] { return makeFingers(3); }}, Toy{"mixed", makeMixedHand},
+                      Toy{"jaw_with_standoff", [] { return withStandoff(makeJaw(true), 0.012); }},
+                      Toy{"fingers_with_standoff", [] { return withStandoff(makeFingers(3), 0.03); }}),
+    [](const auto& item) { return std::string(item.param.name); });
+
+TEST_P(ToyHand, AgreesWithTheFineReference) {
+  const FieldedHand fielded(GetParam().make());
+  const ObjectModel box = boxObject({0.05, 0.03, 0.06}, Isometry3d(Eigen::AngleAxisd(0.4, Vector3d::UnitY())));
+  const ObjectModel sphere = sphereObject(0.025), cylinder = makeObject(cylinderMesh(0.02, 0.1)), ell = ellObject();
+  Agreement agreement;
+  for (const auto& [what, object] : {std::pair(" on a box", &box), std::pair(" on a sphere", &sphere),
+                                     std::pair(" on a cylinder", &cylinder), std::pair(" on an L", &ell)}) {
+    for (const PolicyKind kind : {PolicyKind::surfaceNormal, PolicyKind::centerOfMass}) {
+      compare(agreement, GetParam().name + std::string(what), fielded, *object, kind,
+              candidatesOn(*object, fielded.hand, kTrials / 2, kSeed + 8));
+    }
+  }
+  agreement.expect();
+}
+
+TEST_P(ToyHand, StopsOutsideWithContactsOnBothSurfaces) {
+  const FieldedHand fielded(GetParam().make());
+  const ObjectModel ell = ellObject();
+  const auto policy = makeFastPolicy(fielded.fields, fielded.hand, ell, PolicyKind::surfaceNormal);
+  for (const GraspCandidate& candidate : candidatesOn(ell, fielded.hand, 40, kSeed + 9)) {
+    GraspTrial trial;
+    policy->run(candidate, trial);
+    expectFinite(trial);
+    expectContactsOnBothSurfaces(fielded.hand, ell, trial);
+    if (trial.outcome != GraspOutcome::blockedCentering) expectNothingCrosses(fielded.hand, ell, trial);
+  }
+}
+
+// --- real hands, where HANDHOLD_DATA names the collection of URDFs
+
+class OtherHand : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Data, OtherHand,
+                         ::testing::Values("barrett_bh280", "robotiq_2f85", "allegro_right", "franka_hand"),
+                         [](const auto& item) { return std::string(item.param); });
+
+TEST_P(OtherHand, AgreesWithTheFineReference) {
+  if (std::getenv("HANDHOLD_DATA") == nullptr) GTEST_SKIP() << "HANDHOLD_DATA does not name the collection of URDFs";
+  const FieldedHand& fielded = shippedHand(std::string("tests/data/hands/") + GetParam());
+  const ObjectModel& mug = shippedObject("mug.obj");
+  const auto candidates = candidatesOn(mug, fielded.hand, 12, kSeed + 10);
+  for (const GraspTrial& trial :
+       runAll(*makeFastPolicy(fielded.fields, fielded.hand, mug, PolicyKind::surfaceNormal), candidates)) {
+    expectFinite(trial);
+  }
+  Agreement agreement;
+  compare(agreement, GetParam(), fielded, mug, PolicyKind::surfaceNormal, candidates);
+  agreement.expect(0.9, 0.75);
+}
+
+}  // namespace
+}  // namespace handhold

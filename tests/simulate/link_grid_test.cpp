@@ -1,0 +1,356 @@
+// The distance grid of a link against every triangle.
+#include "simulate/link_grid.h"
+
+#include "core/random.h"
+#include "hand/hand.h"
+#include "hand/primitives.h"
+#include "mesh/ray_scene.h"
+#include "mesh/shapes.h"
+#include "support/brute_force.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <limits>
+#include <set>
+#include <stdexcept>
+#include <string>
+
+#include <gtest/gtest.h>
+
+namespace handhold {
+namespace {
+
+using Eigen::Vector3d;
+using testing::distanceTo;
+
+constexpr double kRounding = 1e-6;  // m, of single precision and of what errors are rounded up by
+constexpr int kPoints = 2000;
+
+/// A box with a post that stands in it, 12 mm wide, 16 mm deep: an L of two overlapping pieces.
+TriangleMesh ell() {
+  return test::joined(test::box({0, 0, 0}, {0.06, 0.02, 0.02}), test::box({0.004, 0.004, 0.004}, {0.016, 0.06, 0.016}));
+}
+
+/// Two triangles with corners `a`, `a + u`, `a + u + v`, `a + v`.
+void addRectangle(TriangleMesh& mesh, const Vector3d& a, const Vector3d& u, const Vector3d& v) {
+  const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+  mesh.vertices.insert(mesh.vertices.end(), {a, a + u, a + u + v, a + v});
+  mesh.triangles.push_back({first, first + 1, first + 2});
+  mesh.triangles.push_back({first, first + 2, first + 3});
+}
+
+/// The sides of a box that has no faces across y.
+void addSleeve(TriangleMesh& mesh, const Vector3d& low, const Vector3d& high) {
+  const Vector3d size = high - low, x(size.x(), 0, 0), y(0, size.y(), 0), z(0, 0, size.z());
+  for (const Vector3d& a : {low, Vector3d(low + z)}) addRectangle(mesh, a, x, y);
+  for (const Vector3d& a : {low, Vector3d(low + x)}) addRectangle(mesh, a, y, z);
+}
+
+/// What of the L can be touched: its surface without what lies in the other piece. Not oriented.
+TriangleMesh ellOutside() {
+  TriangleMesh mesh;
+  addSleeve(mesh, {0, 0, 0}, {0.06, 0.02, 0.02});
+  addRectangle(mesh, {0, 0, 0}, {0.06, 0, 0}, {0, 0, 0.02});
+  // The upper face around the post.
+  const double x[] = {0, 0.004, 0.016, 0.06}, z[] = {0, 0.004, 0.016, 0.02};
+  for (int i = 0; i < 3; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      if (i == 1 && k == 1) continue;
+      addRectangle(mesh, {x[i], 0.02, z[k]}, {x[i + 1] - x[i], 0, 0}, {0, 0, z[k + 1] - z[k]});
+    }
+  }
+  addSleeve(mesh, {0.004, 0.02, 0.004}, {0.016, 0.06, 0.016});
+  addRectangle(mesh, {0.004, 0.06, 0.004}, {0.012, 0, 0}, {0, 0, 0.012});
+  return mesh;
+}
+
+TriangleMesh cylinder() { return cylinderMesh(0.0123, 0.05); }
+
+/// A shape, its grid and the truth about both.
+struct Measured {
+  TriangleMesh mesh;
+  TriangleMesh surface;  // without what lies inside another piece
+  LinkGrid grid;
+  RayScene scene;
+
+  explicit Measured(const TriangleMesh& shape) : Measured(shape, shape) {}
+  Measured(const TriangleMesh& shape, const TriangleMesh& outside)
+      : mesh(rounded(shape)), surface(rounded(outside)), grid(mesh), scene(mesh) {}
+
+  static TriangleMesh rounded(TriangleMesh mesh) {
+    roundToFloat(mesh);
+    return mesh;
+  }
+
+  /// Signed distances to what can be touched, and to any triangle at all: inside they differ where pieces overlap.
+  double truth(const Vector3d& p) const { return sign(p) * distanceTo(p, surface); }
+  double toAnyTriangle(const Vector3d& p) const { return sign(p) * distanceTo(p, mesh); }
+  double sign(const Vector3d& p) const { return scene.contains(p) ? -1 : 1; }
+
+  /// Half of the points in and around the shape, up to twice the grid's margin; the others within the band around its
+  /// surface.
+  Vector3d point(int i) const {
+    const RandomStream stream = RandomStream(5).child(i);
+    if (i % 2 == 0) {
+      const Eigen::AlignedBox3d box = boundingBox(mesh);
+      const Vector3d u(stream.uniform(0), stream.uniform(1), stream.uniform(2));
+      return box.min().array() - 2 * LinkGrid::kMargin + u.array() * (box.sizes().array() + 4 * LinkGrid::kMargin);
+    }
+    const std::size_t t = stream.bits(3) % mesh.triangles.size();
+    const auto [a, b, c] = mesh.corners(t);
+    const double root = std::sqrt(stream.uniform(4)), v = stream.uniform(5);
+    return (1 - root) * a + root * (1 - v) * b + root * v * c +
+           LinkGrid::kBand * (2 * stream.uniform(6) - 1) * mesh.normal(t);
+  }
+};
+
+/// Trilinear interpolation of the distance, and the error that the grid states for the cell. False: outside.
+bool interpolate(const LinkGrid& grid, const Vector3d& p, double& distance, double& error) {
+  const Lattice<float>& lattice = grid.distance;
+  int at[3];
+  double f[3];
+  for (int i = 0; i < 3; ++i) {
+    const double u = (p[i] - lattice.origin[i]) / lattice.step;
+    at[i] = static_cast<int>(std::floor(u));
+    f[i] = u - at[i];
+    if (at[i] < 0 || at[i] + 1 >= lattice.size[i]) return false;
+  }
+  distance = 0;
+  for (int c = 0; c < 8; ++c) {
+    const int x = c & 1, y = c >> 1 & 1, z = c >> 2;
+    distance += (x ? f[0] : 1 - f[0]) * (y ? f[1] : 1 - f[1]) * (z ? f[2] : 1 - f[2]) *
+                lattice.value[lattice.index(at[0] + x, at[1] + y, at[2] + z)];
+  }
+  error = grid.error[lattice.index(at[0], at[1], at[2])];
+  return true;
+}
+
+std::set<std::uint32_t> trianglesInBins(const LinkGrid& grid) {
+  const auto count = static_cast<std::ptrdiff_t>(grid.binBegin.value.back());  // behind it the list is padded
+  return {grid.binTriangles.begin(), grid.binTriangles.begin() + count};
+}
+
+/// The shipped Barrett hand's first link of that name.
+TriangleMesh barrettLink(const std::string& name) {
+  const Hand hand = loadHand(HANDHOLD_SOURCE_DIR "/hands/barrett");
+  for (const HandLink& link : hand.links) {
+    if (link.name == name) return link.mesh;
+  }
+  throw std::runtime_error("no link " + name);
+}
+
+/// The link without the triangles that no bin lists; AnOmittedTriangleIsHiddenEverywhere holds that they are hidden.
+TriangleMesh withoutOmitted(const TriangleMesh& mesh) {
+  TriangleMesh kept{mesh.vertices, {}};
+  for (const std::uint32_t i : trianglesInBins(LinkGrid(mesh))) kept.triangles.push_back(mesh.triangles[i]);
+  return kept;
+}
+
+Measured shape(const std::string& name) {
+  if (name == "box") return Measured(test::box({-0.01, 0, 0.003}, {0.02, 0.017, 0.05}));
+  if (name == "cylinder") return Measured(cylinder());
+  if (name == "ell") return Measured(ell(), ellOutside());
+  const TriangleMesh link = barrettLink("finger_1_distal_link");
+  return Measured(link, withoutOmitted(link));
+}
+
+class ClosedShape : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(All, ClosedShape, ::testing::Values("box", "cylinder", "ell", "barrett"),
+                         [](const auto& item) { return std::string(item.param); });
+
+// Beyond the band values are distances that are too small: inside they bound from above alone, outside from below.
+TEST_P(ClosedShape, BoundsEncloseTheSignedDistance) {
+  const Measured m = shape(GetParam());
+  EXPECT_TRUE(m.grid.closed);
+  const double reach = LinkGrid::kBand - 0.5 * std::sqrt(3.0) * m.grid.distance.step;
+  int inside = 0, near = 0, outsideTheLattice = 0;
+  for (int i = 0; i < kPoints; ++i) {
+    const Vector3d p = m.point(i);
+    // Faces that lie half inside another piece count as a whole: there the grid sees a surface a little too early.
+    const double truth = m.truth(p), low = m.toAnyTriangle(p);
+    SCOPED_TRACE(::testing::Message() << "point " << p.transpose() << ", distance " << truth << ", to any triangle "
+                                      << low);
+    const double lower = m.grid.lowerBound(p), upper = m.grid.upperBound(p);
+    EXPECT_LE(lower, upper);
+    EXPECT_TRUE(truth <= -reach || lower <= std::max(truth, low) + kRounding) << lower;
+    EXPECT_TRUE(truth >= reach || upper >= truth - kRounding) << upper;
+    EXPECT_TRUE(truth >= 0 || lower <= 0) << lower;
+    inside += truth < 0;
+    near += std::abs(truth) < reach;
+    outsideTheLattice += upper == std::numeric_limits<double>::infinity();
+  }
+  EXPECT_GT(inside, kPoints / 20);
+  EXPECT_GT(near, kPoints / 4);
+  EXPECT_GT(outsideTheLattice, kPoints / 20);
+}
+
+// At the nodes within the band the distance is no bound but the distance.
+TEST_P(ClosedShape, NodesWithinTheBandAreExact) {
+  const Measured m = shape(GetParam());
+  const Lattice<float>& lattice = m.grid.distance;
+  int within = 0;
+  for (int i = 0; i < kPoints; ++i) {
+    const RandomStream stream = RandomStream(6).child(i);
+    const int x = static_cast<int>(stream.bits(0) % lattice.size[0]);
+    const int y = static_cast<int>(stream.bits(1) % lattice.size[1]);
+    const int z = static_cast<int>(stream.bits(2) % lattice.size[2]);
+    const Vector3d p = lattice.node(x, y, z);
+    const double truth = m.truth(p), value = lattice.value[lattice.index(x, y, z)];
+    SCOPED_TRACE(::testing::Message() << "node " << p.transpose());
+    if (std::abs(truth) >= LinkGrid::kBand) {
+      EXPECT_LE(std::abs(value), std::abs(truth) + kRounding);
+      EXPECT_GE(value * truth, 0);
+      continue;
+    }
+    ++within;
+    EXPECT_LE(value, std::max(truth, m.toAnyTriangle(p)) + kRounding);
+    EXPECT_GE(value, truth - kRounding);
+  }
+  EXPECT_GT(within, kPoints / 10);
+}
+
+// Interpolation cuts corners, by no more than the error of the cell, which second differences tell. Deeper inside, in
+// the middle between two faces, a kink that falls between two nodes shows half in each: there a quarter of a step is
+// missing.
+TEST_P(ClosedShape, InterpolationLessItsErrorIsNotAboveTheTruth) {
+  constexpr double kSurface = 3e-4, kSlack = 2e-5;  // m
+  const Measured m = shape(GetParam());
+  const double reach = LinkGrid::kBand - std::sqrt(3.0) * m.grid.distance.step;
+  double worst = 0;
+  int compared = 0;
+  for (int i = 0; i < 2 * kPoints; ++i) {
+    const Vector3d p = m.point(i);
+    double distance = 0, error = 0;
+    if (!interpolate(m.grid, p, distance, error)) continue;
+    const double truth = std::max(m.truth(p), m.toAnyTriangle(p));
+    if (truth < -reach) continue;
+    ++compared;
+    worst = std::max(worst, distance - error - truth);
+    EXPECT_LE(distance - error, truth + (truth > -kSurface ? kSlack : 0.25 * m.grid.distance.step))
+        << p.transpose() << ": " << distance << " - " << error;
+  }
+  EXPECT_GT(compared, kPoints / 2);
+  if (HasFailure()) std::cout << "largest excess " << worst << " m\n";
+}
+
+// A bin lists the triangles that come within the reach of any point of it.
+TEST_P(ClosedShape, BinsListEveryTriangleWithinReach) {
+  const Measured m = shape(GetParam());
+  const Lattice<std::uint32_t>& bins = m.grid.binBegin;
+  const std::set<std::uint32_t> kept = trianglesInBins(m.grid);
+  std::size_t listed = 0;
+  for (int i = 0; i < kPoints; ++i) {
+    const Vector3d p = m.point(i);
+    std::array<int, 3> at{};
+    bool inside = true;
+    for (int k = 0; k < 3; ++k) {
+      at[k] = static_cast<int>(std::floor((p[k] - bins.origin[k]) / bins.step + 0.5));
+      inside = inside && at[k] >= 0 && at[k] < bins.size[k];
+    }
+    if (!inside) continue;
+    const std::size_t bin = bins.index(at[0], at[1], at[2]);
+    const std::set<std::uint32_t> here(m.grid.binTriangles.begin() + bins.value[bin],
+                                       m.grid.binTriangles.begin() + bins.value[bin + 1]);
+    for (const std::uint32_t t : kept) {
+      if ((closestPointOnTriangle(p, m.mesh.corners(t)) - p).norm() > LinkGrid::kReach) continue;
+      EXPECT_TRUE(here.contains(t)) << "triangle " << t << " at " << p.transpose();
+      ++listed;
+    }
+  }
+  EXPECT_GT(listed, 1000U);
+}
+
+// Left out is only what lies inside: dense points of an omitted triangle, 10 um outwards, are all enclosed.
+TEST_P(ClosedShape, AnOmittedTriangleIsHiddenEverywhere) {
+  const Measured m = shape(GetParam());
+  const std::set<std::uint32_t> kept = trianglesInBins(m.grid);
+  for (std::uint32_t t = 0; t < m.mesh.triangles.size(); ++t) {
+    if (kept.contains(t)) continue;
+    const auto [a, b, c] = m.mesh.corners(t);
+    constexpr int kFine = 24;
+    int exposed = 0;
+    for (int i = 0; i <= kFine; ++i) {
+      for (int k = 0; i + k <= kFine; ++k) {
+        const double u = 0.001 + 0.997 * i / kFine, v = 0.001 + 0.997 * k / kFine;
+        exposed += !m.scene.contains(a + u * (b - a) + v * (c - a) + 1e-5 * m.mesh.normal(t));
+      }
+    }
+    EXPECT_EQ(exposed, 0) << "triangle " << t;
+  }
+}
+
+TEST(LinkGrid, LeavesOutTheEndOfThePostInsideTheOtherPiece) {
+  const Measured m(ell(), ellOutside());
+  const std::set<std::uint32_t> kept = trianglesInBins(m.grid);
+  EXPECT_EQ(kept.size(), m.mesh.triangles.size() - 2);
+  for (std::uint32_t t = 0; t < m.mesh.triangles.size(); ++t) {
+    const auto [a, b, c] = m.mesh.corners(t);
+    const bool isHiddenEnd = a.y() == b.y() && b.y() == c.y() && a.y() == static_cast<double>(0.004F);
+    EXPECT_EQ(kept.contains(t), !isHiddenEnd) << "triangle " << t;
+  }
+}
+
+TEST(LinkGrid, LeavesOutAPieceThatIsWhollyInside) {
+  const TriangleMesh cube = test::cube(0.03);
+  const Measured m(test::joined(cube, test::box({0.01, 0.01, 0.01}, {0.02, 0.02, 0.02})), cube);
+  EXPECT_EQ(trianglesInBins(m.grid).size(), 12U);
+  EXPECT_LT(*trianglesInBins(m.grid).rbegin(), 12U);
+  const Vector3d besideTheCore(0.0095, 0.015, 0.015);
+  EXPECT_GE(m.grid.upperBound(besideTheCore), -0.0095);
+  EXPECT_LT(m.grid.upperBound(besideTheCore), -0.003);
+}
+
+TEST(LinkGrid, KeepsTheWallsOfACavity) {
+  const TriangleMesh mesh =
+      test::joined(test::cube(0.03), test::insideOut(test::box({0.01, 0.01, 0.01}, {0.02, 0.02, 0.02})));
+  const Measured m(mesh);
+  EXPECT_TRUE(m.grid.closed);
+  EXPECT_EQ(trianglesInBins(m.grid).size(), 24U);
+  const Vector3d inTheCavity(0.0118, 0.015, 0.0152);
+  EXPECT_NEAR(m.truth(inTheCavity), 0.0018, 1e-8);
+  EXPECT_GT(m.grid.upperBound(inTheCavity), 0.0018 - kRounding);
+  EXPECT_LT(m.grid.lowerBound(inTheCavity), 0.0018 + kRounding);
+  EXPECT_GT(m.grid.lowerBound(inTheCavity), 0);
+}
+
+TEST(LinkGrid, TellsOpenAndInsideOutMeshesFromClosedOnes) {
+  TriangleMesh open = test::cube(0.03);
+  EXPECT_TRUE(LinkGrid(open).closed);
+  EXPECT_FALSE(LinkGrid(test::insideOut(open)).closed);
+  open.triangles.pop_back();
+  EXPECT_FALSE(LinkGrid(open).closed);
+}
+
+// What is inside an open mesh is not known: the lower bound holds for the distance without a sign, and a sheet has an
+// inside.
+TEST(LinkGrid, AnOpenSheetIsBoundedFromBelow) {
+  TriangleMesh sheet;
+  addRectangle(sheet, {0, 0, 0}, {0.03, 0, 0}, {0, 0.02, 0});
+  const LinkGrid grid(sheet);
+  EXPECT_FALSE(grid.closed);
+  EXPECT_EQ(trianglesInBins(grid).size(), 2U);
+  for (int i = 0; i < kPoints; ++i) {
+    const RandomStream stream = RandomStream(8).child(i);
+    const Vector3d p(-0.01 + 0.05 * stream.uniform(0), -0.01 + 0.04 * stream.uniform(1),
+                     -0.01 + 0.02 * stream.uniform(2));
+    EXPECT_LE(grid.lowerBound(p), distanceTo(p, sheet) + kRounding) << p.transpose();
+  }
+  for (int i = 0; i < 100; ++i) {
+    const RandomStream stream = RandomStream(9).child(i);
+    const Vector3d p(0.03 * stream.uniform(0), 0.02 * stream.uniform(1), 0);
+    double distance = 0, error = 0;
+    ASSERT_TRUE(interpolate(grid, p, distance, error));
+    EXPECT_LT(distance - error, 0) << p.transpose();
+  }
+}
+
+TEST(LinkGrid, TheBoundingSphereHoldsEveryVertex) {
+  for (const TriangleMesh& mesh : {ell(), cylinder()}) {
+    const LinkGrid grid(mesh);
+    for (const Vector3d& p : mesh.vertices) EXPECT_LE((p - grid.center).norm(), grid.radius + 1e-12);
+  }
+}
+
+}  // namespace
+}  // namespace handhold
