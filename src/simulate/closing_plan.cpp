@@ -46,6 +46,31 @@ std::vector<int> solidLinks(const Hand& hand) {
   return links;
 }
 
+std::vector<std::pair<int, int>> pairsThatMove(const Hand& hand) {
+  std::vector<bool> closes(hand.joints.size(), false);
+  for (const ClosingJoint& closing : hand.closing) {
+    closes[closing.joint] = true;
+    for (const int follower : followersOf(hand, closing.joint)) closes[follower] = true;
+    if (closing.breakawayJoint >= 0) closes[closing.breakawayJoint] = true;
+  }
+  const auto closingJointsOf = [&](int link) {  // between the root and the link
+    std::vector<int> joints;
+    for (int i = link; i >= 0; i = hand.links[i].parentLink) {
+      const int joint = hand.links[i].joint;
+      if (joint >= 0 && closes[joint]) joints.push_back(joint);
+    }
+    return joints;
+  };
+  const std::vector<int> links = solidLinks(hand);
+  std::vector<std::pair<int, int>> pairs;
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    for (std::size_t j = i + 1; j < links.size(); ++j) {
+      if (closingJointsOf(links[i]) != closingJointsOf(links[j])) pairs.emplace_back(links[i], links[j]);
+    }
+  }
+  return pairs;
+}
+
 ClosingStep makeClosingStep(const Hand& hand, const ClosingJoint& closing) {
   ClosingStep step;
   step.selfCentering = closing.selfCentering;

@@ -2,6 +2,7 @@
 
 #include "hand/hand.h"
 
+#include <utility>
 #include <vector>
 
 namespace handhold {
@@ -26,6 +27,9 @@ struct ClosingStep {
 
 /// The links that have geometry, ascending.
 std::vector<int> solidLinks(const Hand& hand);
+
+/// The pairs of links with geometry, lower index first, that closing can move against each other.
+std::vector<std::pair<int, int>> pairsThatMove(const Hand& hand);
 
 ClosingStep makeClosingStep(const Hand& hand, const ClosingJoint& closing);
 

@@ -3,6 +3,7 @@
 #include "mesh/ray_scene.h"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 
 #include <fcl/geometry/bvh/BVH_model.h>
@@ -33,15 +34,42 @@ bool touches(const Bvh& a, const Eigen::Isometry3d& X_A, const Bvh& b, const Eig
 
 }  // namespace
 
+struct LinkModels::Impl {
+  std::vector<std::unique_ptr<Bvh>> bvhs;  // null without geometry
+};
+
+LinkModels::LinkModels(const Hand& hand) : impl_(new Impl) {
+  for (const HandLink& link : hand.links) {
+    impl_->bvhs.push_back(link.mesh.triangles.empty() ? nullptr : makeBvh(link.mesh));
+  }
+}
+
+LinkModels::~LinkModels() = default;
+
+bool LinkModels::touch(int a, const Eigen::Isometry3d& X_HA, int b, const Eigen::Isometry3d& X_HB) const {
+  const Bvh* const first = impl_->bvhs[a].get();
+  const Bvh* const second = impl_->bvhs[b].get();
+  return first != nullptr && second != nullptr && touches(*first, X_HA, *second, X_HB);
+}
+
+std::vector<std::pair<int, int>> LinkModels::apart(const std::vector<std::pair<int, int>>& pairs,
+                                                   const std::vector<Eigen::Isometry3d>& X_HL) const {
+  std::vector<std::pair<int, int>> result;
+  std::copy_if(pairs.begin(), pairs.end(), std::back_inserter(result),
+               [&](const auto& pair) { return !touch(pair.first, X_HL[pair.first], pair.second, X_HL[pair.second]); });
+  return result;
+}
+
 struct CollisionModels::Impl {
   struct LinkModel {
-    std::unique_ptr<Bvh> bvh;  // null without geometry
+    const Bvh* bvh = nullptr;  // null without geometry
     Eigen::AlignedBox3d box;
     std::unique_ptr<RayScene> enclosing;  // only when the object is small enough to lie inside the link
   };
 
   const Hand& hand;
   const ObjectModel& object;
+  LinkModels linkModels;
   std::unique_ptr<Bvh> objectBvh;
   RayScene objectScene;
   Eigen::AlignedBox3d objectBox;
@@ -49,11 +77,12 @@ struct CollisionModels::Impl {
 };
 
 CollisionModels::CollisionModels(const Hand& hand, const ObjectModel& object)
-    : impl_(new Impl{hand, object, makeBvh(object.mesh), RayScene(object.mesh), boundingBox(object.mesh), {}}) {
+    : impl_(new Impl{
+          hand, object, LinkModels(hand), makeBvh(object.mesh), RayScene(object.mesh), boundingBox(object.mesh), {}}) {
   for (const HandLink& link : hand.links) {
     Impl::LinkModel& model = impl_->links.emplace_back();
     if (link.mesh.triangles.empty()) continue;
-    model.bvh = makeBvh(link.mesh);
+    model.bvh = impl_->linkModels.impl_->bvhs[impl_->links.size() - 1].get();
     model.box = boundingBox(link.mesh);
     if (impl_->objectBox.diagonal().norm() < model.box.diagonal().norm()) {
       model.enclosing = std::make_unique<RayScene>(link.mesh);
@@ -80,9 +109,7 @@ bool CollisionModels::isContained(int link, const Eigen::Isometry3d& X_OL) const
   return model.box.contains(p_L) && model.enclosing->contains(p_L);
 }
 
-bool CollisionModels::linksTouch(int a, const Eigen::Isometry3d& X_HA, int b, const Eigen::Isometry3d& X_HB) const {
-  return touches(*impl_->links[a].bvh, X_HA, *impl_->links[b].bvh, X_HB);
-}
+const LinkModels& CollisionModels::links() const { return impl_->linkModels; }
 
 void CollisionModels::trianglesNear(int link, const Eigen::Isometry3d& X_OL, double margin,
                                     std::vector<std::uint32_t>& triangles) const {
@@ -99,22 +126,6 @@ void CollisionModels::trianglesNear(int link, const Eigen::Isometry3d& X_OL, dou
   }
   std::sort(triangles.begin(), triangles.end());
   triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
-}
-
-std::vector<std::pair<int, int>> linkPairsApart(const Hand& hand, const std::vector<Eigen::Isometry3d>& X_HL) {
-  std::vector<std::unique_ptr<Bvh>> models;
-  for (const HandLink& link : hand.links) {
-    models.push_back(link.mesh.triangles.empty() ? nullptr : makeBvh(link.mesh));
-  }
-  std::vector<std::pair<int, int>> pairs;
-  for (std::size_t a = 0; a < models.size(); ++a) {
-    for (std::size_t b = a + 1; b < models.size(); ++b) {
-      if (models[a] == nullptr || models[b] == nullptr) continue;
-      if (!touches(*models[a], X_HL[a], *models[b], X_HL[b]))
-        pairs.emplace_back(static_cast<int>(a), static_cast<int>(b));
-    }
-  }
-  return pairs;
 }
 
 }  // namespace handhold

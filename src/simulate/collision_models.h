@@ -12,6 +12,26 @@
 
 namespace handhold {
 
+/// The exact triangles of a hand's links, ready for collision tests (FCL).
+/// @note Immutable; safe from many threads.
+class LinkModels {
+ public:
+  explicit LinkModels(const Hand& hand);
+  ~LinkModels();
+
+  /// Do the surfaces of two links intersect? A link without geometry touches nothing.
+  bool touch(int a, const Eigen::Isometry3d& X_HA, int b, const Eigen::Isometry3d& X_HB) const;
+
+  /// Those of the pairs that do not touch at X_HL.
+  std::vector<std::pair<int, int>> apart(const std::vector<std::pair<int, int>>& pairs,
+                                         const std::vector<Eigen::Isometry3d>& X_HL) const;
+
+ private:
+  friend class CollisionModels;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
 /// The exact triangles of one hand and one object, ready for collision tests (FCL) and containment (Embree).
 /// @note Immutable; safe from many threads.
 class CollisionModels {
@@ -27,8 +47,7 @@ class CollisionModels {
   /// surfaces do not touch.
   bool isContained(int link, const Eigen::Isometry3d& X_OL) const;
 
-  /// Do the surfaces of two links of the hand intersect?
-  bool linksTouch(int a, const Eigen::Isometry3d& X_HA, int b, const Eigen::Isometry3d& X_HB) const;
+  const LinkModels& links() const;
 
   /// The object's triangles that reach into the link's bounding box grown by `margin` [m], ascending.
   void trianglesNear(int link, const Eigen::Isometry3d& X_OL, double margin,
@@ -38,8 +57,5 @@ class CollisionModels {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
-
-/// The pairs of links, lower index first, whose surfaces do not intersect at X_HL.
-std::vector<std::pair<int, int>> linkPairsApart(const Hand& hand, const std::vector<Eigen::Isometry3d>& X_HL);
 
 }  // namespace handhold

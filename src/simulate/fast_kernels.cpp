@@ -660,6 +660,14 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
       const V low = hn::Min(da, hn::Min(db, dc)), high = hn::Max(da, hn::Max(db, dc));
       may = hn::And(may, hn::And(hn::Le(low, hn::Set(d, reach)), hn::Ge(high, hn::Set(d, -reach))));
       if (facing) may = hn::And(may, hn::Lt(dot(n, normal), hn::Zero(d)));
+      if (hn::AllFalse(d, may)) continue;
+      V lowest = hn::Set(d, kInfinity), highest = hn::Set(d, -kInfinity);
+      for (int j = 0; j < 9; j += 3) {
+        const V side = dot(normal, V3{gather(j), gather(j + 1), gather(j + 2)} - a);
+        lowest = hn::Min(lowest, side);
+        highest = hn::Max(highest, side);
+      }
+      may = hn::And(may, hn::And(hn::Le(lowest, hn::Set(d, reach)), hn::Ge(highest, hn::Set(d, -reach))));
       const std::size_t found = storeSelected(may, id, &pairs.b[count]);
       for (std::size_t j = 0; j < found; ++j) pairs.a[count + j] = i;
       count += found;
@@ -669,7 +677,7 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
   pairs.count = count;
 }
 
-void TouchIntervals(const LinkGrid& grid, const kernels::NearTriangles& near, Pairs& pairs) {
+void TouchIntervals(const LinkGrid& grid, const kernels::NearTriangles& near, std::size_t count, Pairs& pairs) {
   constexpr float kSlack = 5e-8F;     // m: neighbours overlap rather than leave a gap
   constexpr float kParallel = 1e-9F;  // squared sine
   const D d;
@@ -677,7 +685,7 @@ void TouchIntervals(const LinkGrid& grid, const kernels::NearTriangles& near, Pa
   const DU du;
   const std::size_t N = hn::Lanes(d);
   const V slack = hn::Set(d, kSlack), one = hn::Set(d, 1.0F);
-  for (std::size_t i = 0; i < pairs.count; i += N) {
+  for (std::size_t i = 0; i < count; i += N) {
     const VI ia = hn::BitCast(di, hn::LoadU(du, &pairs.a[i])), ib = hn::BitCast(di, hn::LoadU(du, &pairs.b[i]));
     const auto fromNear = [&](int k) {
       return V3{hn::GatherIndex(d, near.value[k].data(), ia), hn::GatherIndex(d, near.value[k + 1].data(), ia),
@@ -817,8 +825,8 @@ void placeTriangles(const ObjectShell& shell, const Placement& placement, NearTr
 void findPairs(const LinkGrid& grid, const NearTriangles& near, float reach, bool facing, Pairs& pairs) {
   HWY_DYNAMIC_DISPATCH(FindPairs)(grid, near, reach, facing, pairs);
 }
-void touchIntervals(const LinkGrid& grid, const NearTriangles& near, Pairs& pairs) {
-  HWY_DYNAMIC_DISPATCH(TouchIntervals)(grid, near, pairs);
+void touchIntervals(const LinkGrid& grid, const NearTriangles& near, std::size_t count, Pairs& pairs) {
+  HWY_DYNAMIC_DISPATCH(TouchIntervals)(grid, near, count, pairs);
 }
 
 }  // namespace handhold::kernels

@@ -90,8 +90,9 @@ struct Pairs {
 /// The pairs that may be within `reach` of each other and, when `facing`, face each other.
 void findPairs(const LinkGrid& grid, const NearTriangles& near, float reach, bool facing, Pairs& pairs);
 
-/// For each pair the interval of tau in which `a`, moved by tau times its velocity, meets `b`; enter > leave: none.
+/// For each of the first `count` pairs the interval of tau in which `a`, moved by tau times its velocity, meets `b`;
+/// enter > leave: none.
 /// Vertex against face both ways and edge against edge.
-void touchIntervals(const LinkGrid& grid, const NearTriangles& near, Pairs& pairs);
+void touchIntervals(const LinkGrid& grid, const NearTriangles& near, std::size_t count, Pairs& pairs);
 
 }  // namespace handhold::kernels

@@ -98,9 +98,10 @@ class FastPolicy final : public GraspPolicy {
   bool selfCollides(const GraspCandidate& candidate, const GraspTrial& trial) override {
     forwardKinematics(hand_, trial.jointPosition, X_HL_);
     const auto& pairs = fields_->preshapes[candidate.preshape].apart;
-    const bool sure =
-        std::all_of(pairs.begin(), pairs.end(), [&](const auto& pair) { return areApart(pair.first, pair.second); });
-    return !sure && reference_->selfCollides(candidate, trial);
+    return std::any_of(pairs.begin(), pairs.end(), [&](const auto& pair) {
+      const auto [a, b] = pair;
+      return !areApart(a, b) && fields_->models.touch(a, X_HL_[a], b, X_HL_[b]);
+    });
   }
 
  private:
@@ -138,9 +139,16 @@ class FastPolicy final : public GraspPolicy {
     const LinkGrid& grid = *fields_->grids[a];
     const Isometry3d X_AB = X_HL_[a].inverse() * X_HL_[b];
     if (grid.lowerBound(X_AB * fields_->grids[b]->center) > fields_->grids[b]->radius) return true;
-    const auto& spheres = fields_->covers[b].blocks;
-    for (std::size_t i = 0; i < spheres.size(); ++i) {
-      if (grid.lowerBound(X_AB * Vector3d(spheres.x[i], spheres.y[i], spheres.z[i])) <= spheres.radius[i]) return false;
+    const SphereTree& cover = fields_->covers[b];
+    const auto isClear = [&](const SphereTree::Spheres& spheres, std::size_t i) {
+      return grid.lowerBound(X_AB * Vector3d(spheres.x[i], spheres.y[i], spheres.z[i])) > spheres.radius[i];
+    };
+    for (std::size_t i = 0; i < cover.superblocks.size(); ++i) {
+      if (isClear(cover.superblocks, i)) continue;
+      const std::size_t end = std::min<std::size_t>(kGroup * (i + 1), cover.blocks.size());
+      for (std::size_t k = kGroup * i; k < end; ++k) {
+        if (!isClear(cover.blocks, k)) return false;
+      }
     }
     return true;
   }
@@ -327,7 +335,7 @@ class FastPolicy final : public GraspPolicy {
       const kernels::Pairs& pairs = search.pairs;
       if (pairs.count == 0) continue;
       setVelocity(X_LG.linear().col(2).cast<float>(), search.near);
-      kernels::touchIntervals(*fields_->grids[link], search.near, search.pairs);
+      kernels::touchIntervals(*fields_->grids[link], search.near, search.pairs.count, search.pairs);
       for (std::size_t i = 0; i < pairs.count; ++i) {
         if (pairs.enter[i] <= pairs.leave[i] && pairs.leave[i] > 0 && pairs.enter[i] <= 1.1 * window) {
           intervals_.emplace_back(pairs.enter[i], pairs.leave[i]);
@@ -343,7 +351,8 @@ class FastPolicy final : public GraspPolicy {
     NearTriangles near;
     kernels::Pairs pairs;
     Isometry3d X_LS = Isometry3d::Identity();
-    double margin = -1;  // m, of the pairs; < 0: none of this trial
+    double margin = -1;   // m, of the pairs; < 0: none of this trial
+    std::size_t due = 0;  // the pairs in front that may be the first to touch
   };
 
   /// The pairs of a link at X_LS within `margin`; with `facing` only those that face each other.
@@ -644,13 +653,14 @@ class FastPolicy final : public GraspPolicy {
         const Isometry3d X_LS = X_LB_[k] * X_BS_;
         if (fresh) {
           gather(link, X_LS, window, bothClosed(link), search);
-        } else if (search.pairs.count > 0) {
+          search.due = search.pairs.count;
+        } else if (search.due > 0) {
           kernels::placeTriangles(*shell_, Placement::of(X_LS), search.near);
         }
-        if (search.pairs.count == 0) continue;
+        if (search.due == 0) continue;
         setVelocities(twist, search.near);
-        kernels::touchIntervals(grid, search.near, search.pairs);
-        for (std::size_t i = 0; i < search.pairs.count; ++i) {
+        kernels::touchIntervals(grid, search.near, search.due, search.pairs);
+        for (std::size_t i = 0; i < search.due; ++i) {
           const float enter = search.pairs.enter[i], leave = search.pairs.leave[i];
           // Past: what was left behind on backing off. Faces that meet flush meet for a moment only.
           const bool ahead =
@@ -670,7 +680,12 @@ class FastPolicy final : public GraspPolicy {
       const bool settled = std::abs(next - s) * speed < kConverged;
       fresh = first * speed < -kSamePairs;
       s = next;
-      if (!settled) continue;
+      if (!settled) {
+        // Only what touches about first can still be first.
+        const auto latest = static_cast<float>(first + 0.25 * std::abs(first) + kSamePairs / speed);
+        for (const MotionLeaf& leaf : motion.leaves) keepDue(latest, searches_[leaf.link]);
+        continue;
+      }
       if (s >= motion.range) return {motion.range, false};
       touchedLinks_.clear();
       for (std::size_t k = 0; k < motion.leaves.size(); ++k) {
@@ -680,6 +695,20 @@ class FastPolicy final : public GraspPolicy {
       return {std::max(s - kClearance / speed, from), true};
     }
     throw Unsettled{};
+  }
+
+  /// Brings the pairs that meet by `latest` to the front.
+  static void keepDue(float latest, Search& search) {
+    kernels::Pairs& pairs = search.pairs;
+    std::size_t due = 0;
+    for (std::size_t i = 0; i < search.due; ++i) {
+      if (!(pairs.enter[i] <= std::min(latest, pairs.leave[i]))) continue;
+      std::swap(pairs.a[i], pairs.a[due]);
+      std::swap(pairs.b[i], pairs.b[due]);
+      std::swap(pairs.enter[i], pairs.enter[due]);
+      std::swap(pairs.leave[i], pairs.leave[due++]);
+    }
+    search.due = due;
   }
 
   /// Does the small triangle of a pair move towards the link's?
@@ -752,7 +781,7 @@ class FastPolicy final : public GraspPolicy {
       Search& search = searches_[link];
       gather(link, X_HL_[link].inverse() * X_HS, 1e-6, false, search);
       setVelocity({0.6F, 0.57F, 0.56F}, search.near);  // any way through will do
-      kernels::touchIntervals(*fields_->grids[link], search.near, search.pairs);
+      kernels::touchIntervals(*fields_->grids[link], search.near, search.pairs.count, search.pairs);
       for (std::size_t i = 0; i < search.pairs.count; ++i) {
         if (search.pairs.enter[i] <= 0 && search.pairs.leave[i] >= 0) return true;
       }

@@ -14,8 +14,8 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kFineStep = 2e-3, kCoarseStep = 5e-3;        // m, of first-touch fields
-constexpr double kFineColumn = 1.5e-3, kCoarseColumn = 6e-3;  // m
+constexpr double kFineStep = 2e-3, kCoarseStep = 3e-3;        // m, of first-touch fields
+constexpr double kFineColumn = 1.5e-3, kCoarseColumn = 3e-3;  // m
 constexpr int kPoses = 256;                                   // a motion is laid out at so many steps
 constexpr int kLongestStride = 24;                            // of these, while nothing is near
 constexpr double kSpeedReserve = 1.25;                        // speeds change within a stride
@@ -389,7 +389,7 @@ Placement Placement::of(const Isometry3d& X) {
 }
 
 HandFields::HandFields(const Hand& hand)
-    : links(solidLinks(hand)), grids(hand.links.size()), covers(hand.links.size()) {
+    : links(solidLinks(hand)), grids(hand.links.size()), covers(hand.links.size()), models(hand) {
   for (const int link : links) covers[link] = coverSurface(hand.links[link].mesh);
   for (const int link : links) {
     const TriangleMesh& mesh = hand.links[link].mesh;
@@ -435,7 +435,7 @@ HandFields::HandFields(const Hand& hand)
     PreshapeFields preshape;
     preshape.X_HL = forwardKinematics(hand, q);
     preshape.X_GH = (preshape.X_HL[hand.palmLink] * hand.X_LG).inverse();
-    preshape.apart = linkPairsApart(hand, preshape.X_HL);
+    preshape.apart = models.apart(pairsThatMove(hand), preshape.X_HL);
     preshape.fine = columnField(*this, preshape, kFineColumn, 0);
     preshape.inner = innerColumns(*this, preshape, preshape.fine);
     preshape.coarse = columnField(*this, preshape, kCoarseColumn, Motion::kBlockRadius);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "simulate/closing_plan.h"
+#include "simulate/collision_models.h"
 #include "simulate/link_grid.h"
 #include "simulate/object_shell.h"
 
@@ -96,6 +97,7 @@ class HandFields {
   std::vector<int> links;                              // with geometry
   std::vector<std::shared_ptr<const LinkGrid>> grids;  // by link, null without geometry; equal links share theirs
   std::vector<SphereTree> covers;                      // by link: spheres around its surface
+  LinkModels models;
   std::vector<ClosingStep> steps;
   std::vector<Motion> motions;
   std::vector<PreshapeFields> preshapes;

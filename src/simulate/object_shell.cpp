@@ -173,7 +173,7 @@ void SphereTree::Spheres::add(const Vector3d& center, double r) {
 }
 
 SphereTree coverSurface(const TriangleMesh& mesh) {
-  constexpr double kLongest = 6e-3;  // m
+  constexpr double kLongest = 3e-3;  // m
   std::vector<SmallTriangle> pieces;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) split(mesh.corners(i), kLongest, 0, pieces);
   std::vector<Vector3d> place;

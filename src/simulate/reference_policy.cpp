@@ -66,7 +66,7 @@ class ReferencePolicy final : public GraspPolicy {
     const std::vector<Isometry3d> X_HL = forwardKinematics(hand_, trial.jointPosition);
     const auto& pairs = preshapes_[candidate.preshape].apart;
     return std::any_of(pairs.begin(), pairs.end(), [&](const auto& pair) {
-      return models_->linksTouch(pair.first, X_HL[pair.first], pair.second, X_HL[pair.second]);
+      return models_->links().touch(pair.first, X_HL[pair.first], pair.second, X_HL[pair.second]);
     });
   }
 
@@ -75,12 +75,7 @@ class ReferencePolicy final : public GraspPolicy {
     PreparedPreshape prepared;
     prepared.X_HL = forwardKinematics(hand_, preshape.jointPosition);
     prepared.X_GH = (prepared.X_HL[hand_.palmLink] * hand_.X_LG).inverse();
-    for (std::size_t i = 0; i < solidLinks_.size(); ++i) {
-      for (std::size_t j = i + 1; j < solidLinks_.size(); ++j) {
-        const int a = solidLinks_[i], b = solidLinks_[j];
-        if (!models_->linksTouch(a, prepared.X_HL[a], b, prepared.X_HL[b])) prepared.apart.emplace_back(a, b);
-      }
-    }
+    prepared.apart = models_->links().apart(pairsThatMove(hand_), prepared.X_HL);
     return prepared;
   }
 

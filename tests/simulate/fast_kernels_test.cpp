@@ -85,7 +85,7 @@ std::vector<Interval> touchIntervals(const std::vector<Case>& cases) {
     near.id.push_back(static_cast<std::uint32_t>(i));
     pairs.a[i] = pairs.b[i] = static_cast<std::uint32_t>(i);
   }
-  kernels::touchIntervals(LinkGrid(link), near, pairs);
+  kernels::touchIntervals(LinkGrid(link), near, pairs.count, pairs);
   std::vector<Interval> result;
   for (std::size_t i = 0; i < cases.size(); ++i) result.push_back({pairs.enter[i], pairs.leave[i]});
   return result;
