@@ -25,6 +25,9 @@ struct ClosingStep {
   std::vector<int> fixedLinks;  // selfCentering without a follower: the counterpart that is brought up first
 };
 
+/// How far a hand slides to bring up the counterpart of a single jaw [m].
+inline constexpr double kLongestSlide = 0.3;
+
 /// The links that have geometry, ascending.
 std::vector<int> solidLinks(const Hand& hand);
 

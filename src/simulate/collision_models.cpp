@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <iterator>
 #include <limits>
+#include <map>
+#include <numeric>
 
 #include <fcl/geometry/bvh/BVH_model.h>
 #include <fcl/geometry/shape/box.h>
@@ -30,6 +32,30 @@ bool touches(const Bvh& a, const Eigen::Isometry3d& X_A, const Bvh& b, const Eig
   static const fcl::CollisionRequest<double> request(1, false);
   fcl::CollisionResult<double> result;
   return fcl::collide(&a, X_A, &b, X_B, request, result) > 0;
+}
+
+/// The pieces of a mesh that share no vertex.
+std::vector<TriangleMesh> connectedPieces(const TriangleMesh& mesh) {
+  std::vector<std::uint32_t> root(mesh.vertices.size());
+  std::iota(root.begin(), root.end(), 0U);
+  const auto find = [&](std::uint32_t v) {
+    while (root[v] != v) v = root[v] = root[root[v]];
+    return v;
+  };
+  for (const auto& t : mesh.triangles) {
+    root[find(t[1])] = find(t[0]);
+    root[find(t[2])] = find(t[0]);
+  }
+  std::map<std::uint32_t, TriangleMesh> pieces;
+  for (const auto& t : mesh.triangles) {
+    TriangleMesh& piece = pieces[find(t[0])];
+    const auto first = static_cast<std::uint32_t>(piece.vertices.size());
+    for (const std::uint32_t v : t) piece.vertices.push_back(mesh.vertices[v]);
+    piece.triangles.push_back({first, first + 1, first + 2});
+  }
+  std::vector<TriangleMesh> result;
+  for (auto& [vertex, piece] : pieces) result.push_back(std::move(piece));
+  return result;
 }
 
 }  // namespace
@@ -126,6 +152,35 @@ void CollisionModels::trianglesNear(int link, const Eigen::Isometry3d& X_OL, dou
   }
   std::sort(triangles.begin(), triangles.end());
   triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
+}
+
+std::vector<Eigen::Vector3d> partPoints(const Hand& hand, const std::vector<Eigen::Isometry3d>& X_HL) {
+  struct Piece {
+    std::unique_ptr<Bvh> bvh;
+    Eigen::Isometry3d X_HL;
+    Eigen::Vector3d point;  // in H
+    std::size_t part;
+  };
+  std::vector<Piece> pieces;
+  for (std::size_t i = 0; i < hand.links.size(); ++i) {
+    for (const TriangleMesh& mesh : connectedPieces(hand.links[i].mesh)) {
+      pieces.push_back({makeBvh(mesh), X_HL[i], X_HL[i] * mesh.vertices[0], pieces.size()});
+    }
+  }
+  for (std::size_t a = 0; a < pieces.size(); ++a) {
+    for (std::size_t b = 0; b < a; ++b) {
+      const std::size_t from = pieces[b].part, to = pieces[a].part;
+      if (from == to || !touches(*pieces[a].bvh, pieces[a].X_HL, *pieces[b].bvh, pieces[b].X_HL)) continue;
+      for (Piece& piece : pieces) {
+        if (piece.part == from) piece.part = to;
+      }
+    }
+  }
+  std::vector<Eigen::Vector3d> points;
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    if (pieces[i].part == i) points.push_back(pieces[i].point);
+  }
+  return points;
 }
 
 }  // namespace handhold

@@ -58,4 +58,8 @@ class CollisionModels {
   std::unique_ptr<Impl> impl_;
 };
 
+/// One surface point in H of each part of the hand that hangs together at X_HL: pieces whose surfaces meet are one
+/// part.
+std::vector<Eigen::Vector3d> partPoints(const Hand& hand, const std::vector<Eigen::Isometry3d>& X_HL);
+
 }  // namespace handhold

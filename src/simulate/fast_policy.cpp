@@ -1,5 +1,6 @@
 #include "simulate/fast_policy.h"
 
+#include "mesh/ray_scene.h"
 #include "simulate/contacts.h"
 #include "simulate/fast_kernels.h"
 
@@ -60,6 +61,8 @@ class FastPolicy final : public GraspPolicy {
         kind_(kind),
         settings_(settings),
         shell_(std::make_shared<const ObjectShell>(object)),
+        objectScene_(std::make_shared<const RayScene>(object.mesh)),
+        objectBox_(boundingBox(object.mesh)),
         reference_(makeReferencePolicy(hand, object, kind, settings)) {
     reserve();
   }
@@ -71,6 +74,8 @@ class FastPolicy final : public GraspPolicy {
         kind_(other.kind_),
         settings_(other.settings_),
         shell_(other.shell_),
+        objectScene_(other.objectScene_),
+        objectBox_(other.objectBox_),
         reference_(other.reference_->clone()) {
     reserve();
   }
@@ -166,6 +171,23 @@ class FastPolicy final : public GraspPolicy {
     trial.backoff = t;
     trial.X_OH =
         palmPose(candidate.targetPoint - t * candidate.approach, candidate.approach, candidate.roll) * preshape_->X_GH;
+    if (isContained(trial.X_OH)) throw Unsettled{};  // surfaces say nothing about what lies wholly inside
+  }
+
+  /// The hand being free of the object's surface: is a part of it inside the object, or the object inside a link?
+  bool isContained(const Isometry3d& X_OH) const {
+    for (const Vector3d& p_H : preshape_->partPoints) {
+      const Vector3d p = X_OH * p_H;
+      if (objectBox_.contains(p) && objectScene_->contains(p)) return true;
+    }
+    const Isometry3d X_HO = X_OH.inverse();
+    return std::any_of(fields_->links.begin(), fields_->links.end(), [&](int link) {
+      const LinkGrid& grid = *fields_->grids[link];
+      const Isometry3d X_LO = X_HL_[link].inverse() * X_HO;
+      return shell_->radius < grid.radius && (X_LO * shell_->center - grid.center).norm() < grid.radius &&
+             std::any_of(object_.mesh.vertices.begin(), object_.mesh.vertices.end(),
+                         [&](const Vector3d& p) { return grid.upperBound(X_LO * p) < 0; });
+    });
   }
 
   /// The smallest free t >= start, or with `last` the smallest from which on all are free.
@@ -638,8 +660,10 @@ class FastPolicy final : public GraspPolicy {
     constexpr double kSamePairs = 5e-5;  // m, moved back by no more than this the pairs stay the same
     posesOf_ = nullptr;
     double s = guess, window = leastWindow();
+    double gatheredAt = s;
     bool fresh = true;
     for (int round = 0; round < kMostRounds; ++round) {
+      if (fresh) gatheredAt = s;
       setLeafPoses(motion, s);
       double first = kInfinite, speed = 1e-6;  // the fastest that a point near a leaf can move
       leafFirst_.assign(motion.leaves.size(), kInfinite);
@@ -670,20 +694,33 @@ class FastPolicy final : public GraspPolicy {
         first = std::min(first, leafFirst_[k]);
       }
       if (!(first * speed < window)) {
+        const double deepest = fresh ? penetration(motion, speed) : 0;
+        if (deepest < 0 && s > from) {
+          s = std::max(s + deepest, from);
+          continue;
+        }
         if (s >= motion.range) return {motion.range, false};
         if (window >= kMostWindow) return {std::max(s, from) + 0.9 * window / speed, false};
         window = std::min(4 * window, kMostWindow);
         fresh = true;
         continue;
       }
-      const double next = std::max(s + first, from);
+      // What was gathered says nothing beyond its window.
+      const double end = gatheredAt + 0.9 * window / speed;
+      const double next = std::max(std::min(s + first, end), from);
       const bool settled = std::abs(next - s) * speed < kConverged;
-      fresh = first * speed < -kSamePairs;
+      fresh = first * speed < -kSamePairs || next == end;
       s = next;
       if (!settled) {
         // Only what touches about first can still be first.
         const auto latest = static_cast<float>(first + 0.25 * std::abs(first) + kSamePairs / speed);
         for (const MotionLeaf& leaf : motion.leaves) keepDue(latest, searches_[leaf.link]);
+        continue;
+      }
+      const double deepest = penetration(motion, speed);
+      if (deepest < 0 && s > from) {
+        s = std::max(s + deepest, from);
+        fresh = true;
         continue;
       }
       if (s >= motion.range) return {motion.range, false};
@@ -695,6 +732,25 @@ class FastPolicy final : public GraspPolicy {
       return {std::max(s - kClearance / speed, from), true};
     }
     throw Unsettled{};
+  }
+
+  /// Where surfaces cross more than a stop allows, the time (< 0, from the present pose of searches_) when the first of
+  /// the crossing pairs met; 0: nowhere. Asks all pairs: those that cross need not face each other.
+  double penetration(const Motion& motion, double speed) {
+    constexpr double kTouching = 2 * kClearance;
+    double first = 0;
+    for (const MotionLeaf& leaf : motion.leaves) {
+      const Search& search = searches_[leaf.link];
+      if (search.near.id.empty()) continue;
+      const LinkGrid& grid = *fields_->grids[leaf.link];
+      kernels::findPairs(grid, search.near, static_cast<float>(kClearance), false, crossing_);
+      kernels::touchIntervals(grid, search.near, crossing_.count, crossing_);
+      for (std::size_t i = 0; i < crossing_.count; ++i) {
+        const double enter = crossing_.enter[i], leave = crossing_.leave[i];
+        if (enter * speed < -kTouching && leave * speed > kTouching) first = std::min(first, enter);
+      }
+    }
+    return first;
   }
 
   /// Brings the pairs that meet by `latest` to the front.
@@ -763,10 +819,7 @@ class FastPolicy final : public GraspPolicy {
   void bringUpCounterpart(int index, GraspTrial& trial) {
     const Motion& motion = fields_->motions[index];
     const Touch touch = touchOf(motion, 0, trial);
-    if (!touch.touched) {
-      if (boundingBox(object_.mesh).diagonal().norm() > motion.range) throw Unsettled{};
-      return;
-    }
+    if (!touch.touched) return;
     const Vector3d shift = touch.s * (trial.X_OH.linear() * motion.slideAxis);
     trial.centering += shift;
     trial.X_OH.translation() += shift;
@@ -839,6 +892,8 @@ class FastPolicy final : public GraspPolicy {
   PolicyKind kind_;
   ReferenceSettings settings_;
   std::shared_ptr<const ObjectShell> shell_;
+  std::shared_ptr<const RayScene> objectScene_;
+  Eigen::AlignedBox3d objectBox_;
   std::unique_ptr<GraspPolicy> reference_;
 
   // of the present trial
@@ -854,6 +909,7 @@ class FastPolicy final : public GraspPolicy {
   std::vector<ExitGroup> exitGroups_ = std::vector<ExitGroup>(hand_.links.size());
   std::array<std::vector<ExitLane>, 4> exitBands_;
   std::vector<std::pair<double, double>> intervals_;
+  kernels::Pairs crossing_;
   std::vector<Search> searches_ = std::vector<Search>(hand_.links.size());  // by link
   std::vector<PlacedGrid> grids_;
   std::vector<Isometry3d> X_NB_, X_LB_;

@@ -19,7 +19,6 @@ constexpr double kFineColumn = 1.5e-3, kCoarseColumn = 3e-3;  // m
 constexpr int kPoses = 256;                                   // a motion is laid out at so many steps
 constexpr int kLongestStride = 24;                            // of these, while nothing is near
 constexpr double kSpeedReserve = 1.25;                        // speeds change within a stride
-constexpr double kLongestSlide = 0.3;                         // m
 
 /// The poses of a motion's leaves in B at s = range i / kPoses: poses[i][leaf], inverted (B to link).
 using PoseTable = std::vector<std::vector<Isometry3d>>;
@@ -435,6 +434,7 @@ HandFields::HandFields(const Hand& hand)
     PreshapeFields preshape;
     preshape.X_HL = forwardKinematics(hand, q);
     preshape.X_GH = (preshape.X_HL[hand.palmLink] * hand.X_LG).inverse();
+    preshape.partPoints = partPoints(hand, preshape.X_HL);
     preshape.apart = models.apart(pairsThatMove(hand), preshape.X_HL);
     preshape.fine = columnField(*this, preshape, kFineColumn, 0);
     preshape.inner = innerColumns(*this, preshape, preshape.fine);

@@ -84,7 +84,8 @@ struct PreshapeFields {
     int together = -1, alone = -1, follower = -1, breakaway = -1, counterpart = -1;
   };
   std::vector<Step> steps;
-  std::vector<std::pair<int, int>> apart;  // link pairs that are apart here and must stay so
+  std::vector<Eigen::Vector3d> partPoints;  // in H, one of each part of the hand that hangs together
+  std::vector<std::pair<int, int>> apart;   // link pairs that are apart here and must stay so
 };
 
 /// What the fast policy knows of a hand before it sees an object: distances around each link, what each preshape

@@ -154,22 +154,24 @@ void addSigns(const RayScene& scene, Lattice<float>& lattice) {
   }
 }
 
-/// How far the interpolated distance may lie above the true one in each cell, from second differences: between nodes a
-/// function departs from its chord by at most a quarter of its kink, along each axis, and half of its twist across two.
+/// How far the interpolated distance may lie above the true one in each cell, from second differences. Along an axis a
+/// function departs from its chord by at most a quarter of its kink, of which, when it falls between two nodes, each
+/// shows a part; across two axes by half of its twist.
 std::vector<float> interpolationErrors(const Lattice<float>& lattice) {
   const auto& size = lattice.size;
   const auto value = [&](int x, int y, int z) {
     return lattice.value[lattice.index(std::clamp(x, 0, size[0] - 1), std::clamp(y, 0, size[1] - 1),
                                        std::clamp(z, 0, size[2] - 1))];
   };
-  std::vector<float> kink(lattice.value.size());  // at a node, summed over the axes
-  for (int z = 0; z < size[2]; ++z) {
-    for (int y = 0; y < size[1]; ++y) {
-      for (int x = 0; x < size[0]; ++x) {
-        const float middle = 2 * value(x, y, z);
-        kink[lattice.index(x, y, z)] = std::max(0.0F, value(x - 1, y, z) + value(x + 1, y, z) - middle) +
-                                       std::max(0.0F, value(x, y - 1, z) + value(x, y + 1, z) - middle) +
-                                       std::max(0.0F, value(x, y, z - 1) + value(x, y, z + 1) - middle);
+  const auto kink = [&](int x, int y, int z, int axis) {
+    const int dx = axis == 0 ? 1 : 0, dy = axis == 1 ? 1 : 0, dz = axis == 2 ? 1 : 0;
+    return std::max(0.0F, value(x - dx, y - dy, z - dz) + value(x + dx, y + dy, z + dz) - 2 * value(x, y, z));
+  };
+  std::array<std::vector<float>, 3> kinks;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int z = 0; z < size[2]; ++z) {
+      for (int y = 0; y < size[1]; ++y) {
+        for (int x = 0; x < size[0]; ++x) kinks[axis].push_back(kink(x, y, z, axis));
       }
     }
   }
@@ -177,11 +179,24 @@ std::vector<float> interpolationErrors(const Lattice<float>& lattice) {
   for (int z = 0; z + 1 < size[2]; ++z) {
     for (int y = 0; y + 1 < size[1]; ++y) {
       for (int x = 0; x + 1 < size[0]; ++x) {
-        float most = 0, twist = 0;
-        for (int c = 0; c < 8; ++c)
-          most = std::max(most, kink[lattice.index(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2))]);
+        const std::array<int, 3> at = {x, y, z};
+        float sum = 0, twist = 0;
+        for (int axis = 0; axis < 3; ++axis) {
+          float most = 0;
+          const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+          for (int c = 0; c < 4; ++c) {  // the cell's edges along the axis
+            std::array<int, 3> from = at;
+            from[u] += c & 1;
+            from[v] += c >> 1;
+            std::array<int, 3> to = from;
+            ++to[axis];
+            most = std::max(most, kinks[axis][lattice.index(from[0], from[1], from[2])] +
+                                      kinks[axis][lattice.index(to[0], to[1], to[2])]);
+          }
+          sum += most;
+        }
         for (int c = 0; c < 2; ++c) {
-          const auto across = [&](float v00, float v10, float v01, float v11) {
+          const auto across = [](float v00, float v10, float v01, float v11) {
             return std::abs(v00 - v10 - v01 + v11);
           };
           twist = std::max(
@@ -190,7 +205,7 @@ std::vector<float> interpolationErrors(const Lattice<float>& lattice) {
                across(value(x, y + c, z), value(x + 1, y + c, z), value(x, y + c, z + 1), value(x + 1, y + c, z + 1)),
                across(value(x + c, y, z), value(x + c, y + 1, z), value(x + c, y, z + 1), value(x + c, y + 1, z + 1))});
         }
-        error[lattice.index(x, y, z)] = 0.25F * most + 0.5F * twist + 1e-6F;
+        error[lattice.index(x, y, z)] = 0.25F * sum + 0.5F * twist + 1e-6F;
       }
     }
   }

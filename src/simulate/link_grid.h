@@ -38,9 +38,9 @@ struct LinkGrid {
 
   explicit LinkGrid(const TriangleMesh& mesh);
 
-  /// A lower bound of the signed distance at `p`, in the link frame.
+  /// A lower bound of the signed distance at `p`, in the link frame, unless `p` lies deeper than kBand inside.
   double lowerBound(const Eigen::Vector3d& p) const;
-  /// An upper bound of it; +inf outside the lattice.
+  /// An upper bound of it inside and within kBand of the surface; +inf outside the lattice.
   double upperBound(const Eigen::Vector3d& p) const;
 
   Lattice<float> distance;

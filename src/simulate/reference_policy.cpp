@@ -27,7 +27,6 @@ class ReferencePolicy final : public GraspPolicy {
   ReferencePolicy(const Hand& hand, const ObjectModel& object, PolicyKind kind, const ReferenceSettings& settings)
       : hand_(hand), object_(object), kind_(kind), settings_(settings) {
     models_ = std::make_shared<const CollisionModels>(hand, object);
-    objectBox_ = boundingBox(object.mesh);
     solidLinks_ = solidLinks(hand);
     for (const ClosingJoint& closing : hand.closing) steps_.push_back(makeClosingStep(hand, closing));
     for (const Preshape& preshape : hand.preshapes) preshapes_.push_back(preparePreshape(preshape));
@@ -256,11 +255,10 @@ class ReferencePolicy final : public GraspPolicy {
       return std::any_of(step.fixedLinks.begin(), step.fixedLinks.end(),
                          [&](int link) { return linkTouches(link, X_OH * X_HL[link]); });
     };
-    const double farthest = objectBox_.diagonal().norm();
     double slide = 0;
     do slide += settings_.linearStep;
-    while (slide < farthest && !touches(slide));
-    if (slide >= farthest) return;
+    while (slide < kLongestSlide && !touches(slide));
+    if (slide >= kLongestSlide) return;
     slide = bisect(slide, slide - settings_.linearStep, settings_.linearTolerance, touches);
     trial.centering += slide * axis;
     trial.X_OH.translation() += slide * axis;
@@ -320,7 +318,6 @@ class ReferencePolicy final : public GraspPolicy {
   PolicyKind kind_;
   ReferenceSettings settings_;
   std::shared_ptr<const CollisionModels> models_;
-  Eigen::AlignedBox3d objectBox_;
   std::vector<int> solidLinks_;
   std::vector<ClosingStep> steps_;
   std::vector<PreparedPreshape> preshapes_;

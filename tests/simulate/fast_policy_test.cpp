@@ -385,7 +385,7 @@ TEST_P(ShippedHand, AgreesOnTinyObjects) {
     agreement.compare(name() + (object == &cube ? " on a cube of 5 mm" : " on a pea"), fielded(), *object,
                       PolicyKind::surfaceNormal, candidatesOn(*object, fielded().hand, kTrials, kSeed + 4));
   }
-  agreement.expect();
+  agreement.expect(0.95);  // flush contacts of a few millimetres come and go with a micrometre
 }
 
 TEST_P(ShippedHand, GivesEqualTrialsInAnyOrderAndFromAClone) {
@@ -408,12 +408,12 @@ TEST_P(ShippedHand, GivesEqualTrialsInAnyOrderAndFromAClone) {
 }
 
 TEST(FastPolicy, FieldsMadeAgainGiveEqualTrials) {
-  const auto& [hand, fields] = shippedHand("hands/jaw");
+  const FieldedHand once(makeFingers(3)), again(makeFingers(3));
   const ObjectModel& object = shippedObject("mug.obj");
-  const auto candidates = candidatesOn(object, hand, 40, kSeed + 5);
-  const auto trials = runAll(*makeFastPolicy(fields, hand, object, PolicyKind::surfaceNormal), candidates);
-  const auto again = runAll(*makeFastPolicy(makeHandFields(hand), hand, object, PolicyKind::surfaceNormal), candidates);
-  for (std::size_t i = 0; i < trials.size(); ++i) expectEqual(trials[i], again[i]);
+  const auto candidates = candidatesOn(object, once.hand, 40, kSeed + 5);
+  const auto first = runAll(*makeFastPolicy(once.fields, once.hand, object, PolicyKind::surfaceNormal), candidates);
+  const auto second = runAll(*makeFastPolicy(again.fields, again.hand, object, PolicyKind::surfaceNormal), candidates);
+  for (std::size_t i = 0; i < first.size(); ++i) expectEqual(first[i], second[i]);
 }
 
 GraspTrial runFromAbove(const Hand& hand, const ObjectModel& object, double height) {
@@ -433,7 +433,8 @@ TEST(FastPolicy, AHandInsideTheObjectBacksOut) {
 TEST(FastPolicy, APieceInsideTheObjectTouches) {
   const GraspTrial trial =
       runFromAbove(makeJaw(false), boxObject({0.2, 0.2, 0.024}, Isometry3d(Eigen::Translation3d(0, 0, -0.03))), 0.0003);
-  EXPECT_NEAR(trial.backoff, 0.04 - 0.018 + 0.0003, kBackoffTolerance);
+  EXPECT_TRUE(trial.byReference);
+  EXPECT_NEAR(trial.backoff, 0.04 - 0.018 - 0.0003, 1e-5);  // the reference's own tolerance
 }
 
 // The object inside the hand's own solid counts as touching too.
@@ -448,7 +449,7 @@ TEST_P(ShippedHand, StopsOutsideWithContactsOnBothSurfaces) {
   for (const char* file : {"mug.obj", "bottle.stl"}) {
     const ObjectModel& object = shippedObject(file);
     const auto policy = makeFastPolicy(fields, hand, object, PolicyKind::surfaceNormal);
-    for (const GraspCandidate& candidate : candidatesOn(object, hand, 5, kSeed + 6)) {
+    for (const GraspCandidate& candidate : candidatesOn(object, hand, name() == "barrett" ? 4 : 16, kSeed + 6)) {
       GraspTrial trial;
       policy->run(candidate, trial);
       expectFinite(trial);
@@ -457,7 +458,7 @@ TEST_P(ShippedHand, StopsOutsideWithContactsOnBothSurfaces) {
       contacts += trial.contacts.size();
     }
   }
-  EXPECT_GT(contacts, 5U);
+  EXPECT_GT(contacts, 15U);
 }
 
 TEST_P(ShippedHand, GivesEqualBitsWithAvx2AndAvx512) {
@@ -548,7 +549,15 @@ Hand makeFixedJaw() {
   return hand;
 }
 
-class ToyHand : public ::testing::TestWithParam<Toy> {};
+class ToyHand : public ::testing::TestWithParam<Toy> {
+ protected:
+  static const FieldedHand& fielded() {
+    static std::map<std::string, std::unique_ptr<const FieldedHand>> made;
+    auto& hand = made[GetParam().name];
+    if (hand == nullptr) hand = std::make_unique<const FieldedHand>(GetParam().make());
+    return *hand;
+  }
+};
 INSTANTIATE_TEST_SUITE_P(
     All, ToyHand,
     ::testing::Values(Toy{"jaw", [] { return makeJaw(false); }}, Toy{"coupled_jaw", [] { return makeJaw(true); }},
@@ -559,30 +568,28 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& item) { return std::string(item.param.name); });
 
 TEST_P(ToyHand, AgreesWithTheFineReference) {
-  const FieldedHand fielded(GetParam().make());
   const ObjectModel box = boxObject({0.05, 0.03, 0.06}, Isometry3d(Eigen::AngleAxisd(0.4, Vector3d::UnitY())));
   const ObjectModel sphere = sphereObject(0.025), cylinder = makeObject(cylinderMesh(0.02, 0.1)), ell = ellObject();
   Agreement agreement;
   for (const auto& [what, object] : {std::pair(" on a box", &box), std::pair(" on a sphere", &sphere),
                                      std::pair(" on a cylinder", &cylinder), std::pair(" on an L", &ell)}) {
     for (const PolicyKind kind : {PolicyKind::surfaceNormal, PolicyKind::centerOfMass}) {
-      agreement.compare(GetParam().name + std::string(what), fielded, *object, kind,
-                        candidatesOn(*object, fielded.hand, kTrials / 2, kSeed + 8));
+      agreement.compare(GetParam().name + std::string(what), fielded(), *object, kind,
+                        candidatesOn(*object, fielded().hand, kTrials / 2, kSeed + 8));
     }
   }
   agreement.expect();
 }
 
 TEST_P(ToyHand, StopsOutsideWithContactsOnBothSurfaces) {
-  const FieldedHand fielded(GetParam().make());
   const ObjectModel ell = ellObject();
-  const auto policy = makeFastPolicy(fielded.fields, fielded.hand, ell, PolicyKind::surfaceNormal);
-  for (const GraspCandidate& candidate : candidatesOn(ell, fielded.hand, 40, kSeed + 9)) {
+  const auto policy = makeFastPolicy(fielded().fields, fielded().hand, ell, PolicyKind::surfaceNormal);
+  for (const GraspCandidate& candidate : candidatesOn(ell, fielded().hand, 40, kSeed + 9)) {
     GraspTrial trial;
     policy->run(candidate, trial);
     expectFinite(trial);
-    expectContactsOnBothSurfaces(fielded.hand, ell, trial);
-    if (trial.outcome != GraspOutcome::blockedCentering) expectNothingCrosses(fielded.hand, ell, trial);
+    expectContactsOnBothSurfaces(fielded().hand, ell, trial);
+    if (trial.outcome != GraspOutcome::blockedCentering) expectNothingCrosses(fielded().hand, ell, trial);
   }
 }
 
