@@ -50,7 +50,7 @@ int printPlan(const BuildCommand& command, const Job& job, const std::vector<Han
       "{} sets missing, {} changed, {} done, {} failed last time, {} with an unreadable mesh; {} trials to run\n",
       counts[0], counts[1], counts[2], counts[4], counts[3], trials);
   // Without a set to learn from: what jobs/demo.yaml takes a trial, on average, on one core of 2026.
-  const double guess = job.simulation == Simulation::fast ? 1e-4 : 3e-3;
+  const double guess = job.simulation == Simulation::fast ? 2.5e-4 : 3e-3;
   const double secondsPerTrial = knownTrials > 0 ? seconds / knownTrials : guess;
   const double bytesPerTrial = knownTrials > 0 ? bytes / knownTrials : 300;
   fmt::print("about {:.2f} core-hours and {:.3f} GB ({})\n", secondsPerTrial * static_cast<double>(trials) / 3600,

@@ -93,6 +93,17 @@ ClosingStep makeClosingStep(const Hand& hand, const ClosingJoint& closing) {
   return step;
 }
 
+Vector3d centerJaws(const Hand& hand, const ClosingStep& step, Eigen::VectorXd& q) {
+  const HandJoint& joint = hand.joints[step.alone.joint];
+  const HandJoint& other = hand.joints[step.follower.joint];
+  const double first = q[step.alone.joint];
+  const double second = (q[step.follower.joint] - other.mimicOffset) / other.mimicMultiplier;
+  const double centered = 0.5 * (first + second);
+  const Isometry3d X_HP = forwardKinematics(hand, q)[joint.parentLink];
+  place(hand, step.together, centered, q);
+  return (first - centered) * (X_HP.linear() * (joint.X_PJ.linear() * joint.axis));
+}
+
 void place(const Hand& hand, const Mover& mover, double position, Eigen::VectorXd& q) {
   q[mover.joint] = position;
   for (const int follower : mover.followers) {

@@ -803,15 +803,9 @@ class FastPolicy final : public GraspPolicy {
     }
     trial.stops.push_back(first);
     trial.stops.push_back(second);
-    const HandJoint& joint = hand_.joints[step.alone.joint];
-    const HandJoint& other = hand_.joints[step.follower.joint];
-    const double otherAsDriver = (second.position - other.mimicOffset) / other.mimicMultiplier;
-    const double centered = 0.5 * (first.position + otherAsDriver);
-    const Vector3d axis = trial.X_OH.linear() * (X_HL_[joint.parentLink].linear() * (joint.X_PJ.linear() * joint.axis));
-    const Vector3d shift = (first.position - centered) * axis;
+    const Vector3d shift = trial.X_OH.linear() * centerJaws(hand_, step, q);
     trial.centering += shift;
     trial.X_OH.translation() += shift;
-    place(hand_, step.together, centered, q);
     forwardKinematics(hand_, q, X_HL_);
     return !restTouches(step, trial);
   }

@@ -232,16 +232,9 @@ class ReferencePolicy final : public GraspPolicy {
     }
     trial.stops.push_back(first);
     trial.stops.push_back(second);
-    const HandJoint& joint = hand_.joints[step.alone.joint];
-    const HandJoint& other = hand_.joints[step.follower.joint];
-    const double otherAsDriver = (second.position - other.mimicOffset) / other.mimicMultiplier;
-    const double centered = 0.5 * (first.position + otherAsDriver);
-    const Isometry3d X_HP = forwardKinematics(hand_, q)[joint.parentLink];
-    const Vector3d axis = trial.X_OH.linear() * (X_HP.linear() * (joint.X_PJ.linear() * joint.axis));
-    const Vector3d shift = (first.position - centered) * axis;
+    const Vector3d shift = trial.X_OH.linear() * centerJaws(hand_, step, q);
     trial.centering += shift;
     trial.X_OH.translation() += shift;
-    place(hand_, step.together, centered, q);
     return !restTouches(step, trial);
   }
 

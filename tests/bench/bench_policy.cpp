@@ -186,8 +186,8 @@ ordered_json benchTimes(const Setting& setting, const Sizes& sizes) {
   while (std::gcd(every, setting.trials()) > 1) --every;
   for (std::size_t i = 0; i < sizes.fast; ++i) {
     const GraspCandidate candidate = setting.candidate(i, sizes.fast);
-    if (i % every == 0) timeTrial(*reference, candidate, model, ofReference);
-    timeTrial(*fast, candidate, model, ofFast);
+    if (i % every == 0) timeTrial(*reference, candidate, cones, ofReference);
+    timeTrial(*fast, candidate, cones, ofFast);
   }
   ordered_json result = {{"reference", ofReference.json()}, {"fast", ofFast.json()}};
   result["reference"]["trials_per_second_all_cores"] = trialsPerSecondOnAllCores(setting, *reference, sizes.reference);
@@ -469,11 +469,12 @@ ordered_json benchOpenRave(const fs::path& data) {
   const LoadedHand hand = withFields(std::move(barrett));
   const Setting setting{job, hand, object};
   const auto reference = setting.reference(), fast = setting.fast();
+  FrictionCones cones(setting.model());
   Times ofReference, ofFast;
   for (std::size_t trial = 0; trial < setting.trials(); ++trial) {
     const GraspCandidate candidate = candidateAt(job, object.samples, hand.hand, trial);
-    timeTrial(*reference, candidate, setting.model(), ofReference);
-    timeTrial(*fast, candidate, setting.model(), ofFast);
+    timeTrial(*reference, candidate, cones, ofReference);
+    timeTrial(*fast, candidate, cones, ofFast);
   }
   return {{"samples", object.samples.size()},
           {"trials", setting.trials()},
