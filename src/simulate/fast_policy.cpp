@@ -26,7 +26,7 @@ constexpr double kConverged = 2e-7;  // m
 constexpr double kBeyondContacts = 6e-5, kMostWindow = 6e-4;
 constexpr double kSameAngle = 1e-5, kSameDistance = 1e-6;  // rad, m: links that touch within it stop a joint together
 constexpr double kHiddenWindow = 3e-3;                     // m, a free window that the dilated fields can hide
-constexpr std::size_t kMostMuted = 16;
+constexpr std::size_t kMostMuted = 16;                     // planes of slides that a motion keeps
 constexpr int kMostRounds = 24;  // of any exact search, before the trial goes to the reference
 
 /// The trial goes to the reference.
@@ -43,14 +43,12 @@ struct Twist {
   }
 };
 
-/// A guess for a stop, then its exact value.
+/// Where a motion stops: at s, by a touch or because nothing is met up to there.
 struct Touch {
   double s = 0;
   bool touched = false;
 };
 
-}  // namespace
-namespace {
 class FastPolicy final : public GraspPolicy {
  public:
   FastPolicy(std::shared_ptr<const HandFields> fields, const Hand& hand, const ObjectModel& object, PolicyKind kind,

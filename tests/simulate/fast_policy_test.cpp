@@ -6,6 +6,7 @@
 #include "hand/primitives.h"
 #include "sample/surface_samples.h"
 #include "support/brute_force.h"
+#include "support/sanitized.h"
 #include "support/toy_hands.h"
 
 #include <algorithm>
@@ -66,6 +67,9 @@ const ObjectModel& shippedObject(const std::string& file) {
 /// Samples of the object's surface with random rolls and preshapes.
 std::vector<GraspCandidate> candidatesOn(const ObjectModel& object, const Hand& hand, std::size_t count,
                                          std::uint64_t seed) {
+#ifdef HANDHOLD_SANITIZED
+  count = std::min<std::size_t>(count, 3);  // the sanitizer looks at memory, not at agreement
+#endif
   const SurfaceSamples samples = sampleSurfaceCount(object, RayScene(object.mesh), count, "object");
   std::vector<GraspCandidate> candidates;
   for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -160,11 +164,15 @@ class Agreement {
 
   /// At least `agreeing` of the trials do.
   void expect(double agreeing = kAgreeing, double agreeingContacts = kAgreeingContacts) const {
+#ifndef HANDHOLD_SANITIZED  // which leaves too few trials for shares
     EXPECT_LE(setApart, trials / 4);
     EXPECT_GE(share(agree), agreeing);
     EXPECT_GE(share(agreeOnLinks), agreeing);
     EXPECT_GE(share(agreeOnOutcome), agreeing);
     EXPECT_GE(share(agreeOnContacts), agreeingContacts);
+#else
+    static_cast<void>(agreeing + agreeingContacts);
+#endif
     if (::testing::Test::HasFailure()) std::cout << report();
   }
 

@@ -1,15 +1,9 @@
 #include "support/allocations.h"
 
+#include "support/sanitized.h"
+
 #include <atomic>
 #include <cerrno>
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define HANDHOLD_SANITIZED 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define HANDHOLD_SANITIZED 1
-#endif
-#endif
 
 namespace {
 std::atomic<long> nAllocations = 0;
