@@ -36,7 +36,7 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
   const auto policy = makePolicy(job, hand, object.model, fields);
   Evaluation result;
   StageSeconds seconds;
-  FrictionCones cones(wrenchModel(job, item, object.model));
+  Cones cones(wrenchModel(job, item, object.model));
   evaluate(*policy, candidate, cones, result, seconds);
 
   const std::size_t preshapes = hand.preshapes.size();
@@ -60,6 +60,8 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
   fmt::print("outcome {}, epsilon {:.6f} (friction {}, {} cone edges)\n",
              kOutcomeNames[static_cast<int>(result.trial.outcome)], result.epsilon, item.friction, job.coneEdges);
   if (result.trial.outcome == GraspOutcome::forceClosed) {
+    fmt::print("on the true cone epsilon is {:.6f} to {:.6f}, and force closure needs friction {:.4f}\n",
+               result.bounds.lower, result.bounds.upper, result.criticalFriction);
     fmt::print("the straight approach from outside is {}\n", result.approachClear ? "free" : "blocked by the object");
   }
   if (result.trial.outcome == GraspOutcome::notForceClosed) {
@@ -70,7 +72,7 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
         object.model.mass.radius, d[0], d[1], d[2], d[3], d[4], d[5]);
   }
   fmt::print("{} collision tests, {:.2f} ms\n", result.trial.collisionQueries,
-             1e3 * (seconds.policy + seconds.forceClosure + seconds.epsilon + seconds.approach));
+             1e3 * (seconds.policy + seconds.forceClosure + seconds.epsilon + seconds.approach + seconds.bounds));
   return kExitDone;
 }
 

@@ -4,6 +4,7 @@
 #include "core/log.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 
 #include <fmt/format.h>
@@ -55,6 +56,9 @@ nlohmann::ordered_json toJson(const GraspSetSummary& s) {
           {"outcomes", outcomes},
           {"grasps", s.grasps},
           {"best_epsilon", s.bestEpsilon},
+          {"best_epsilon_lower", s.bestEpsilonLower},
+          {"best_epsilon_upper", s.bestEpsilonUpper},
+          {"least_critical_friction", s.leastCriticalFriction},
           {"seconds", seconds},
           {"policy", s.policy},
           {"friction", s.friction},
@@ -84,6 +88,10 @@ void printInfo(const GraspSetSummary& s) {
     fmt::print("    {:<18}{:>9}  {:5.1f} %\n", name, count, share(count, trialCount(s)));
   }
   fmt::print("  grasps      {} stored, best epsilon {:.4f}\n", s.grasps, s.bestEpsilon);
+  if (!std::isnan(s.bestEpsilonLower)) {
+    fmt::print("  true cone   epsilon of the same grasp {:.5f} to {:.5f}; least critical friction of any {:.4f}\n",
+               s.bestEpsilonLower, s.bestEpsilonUpper, s.leastCriticalFriction);
+  }
   const double total = totalSeconds(s);
   fmt::print("  core time   {:.2f} s, {:.0f} trials/s a core\n", total,
              total > 0 ? static_cast<double>(trialCount(s)) / total : 0);

@@ -17,7 +17,7 @@ namespace handhold {
 namespace {
 
 /// Part of every input hash: to be raised whenever a change of ours changes results.
-constexpr int kMethodVersion = 2;
+constexpr int kMethodVersion = 3;
 
 /// The distance map is sampled with this many points for each target point (III-A: "at a finer resolution").
 constexpr std::size_t kMapPointsPerSample = 4;
@@ -101,6 +101,9 @@ void addGrasp(const Job& job, const SampledObject& object, const Hand& hand, con
   set.epsilon.push_back(grasp.epsilon);
   set.backoff.push_back(static_cast<float>(grasp.backoff));
   set.approachClear.push_back(grasp.approachClear ? 1 : 0);
+  set.epsilonLower.push_back(grasp.epsilonLower);
+  set.epsilonUpper.push_back(grasp.epsilonUpper);
+  set.criticalFriction.push_back(static_cast<float>(grasp.criticalFriction));
   for (const Contact& contact : grasp.contacts) {
     appendVector(set.contactPosition, contact.position);
     appendVector(set.contactNormal, contact.normal);
@@ -135,7 +138,7 @@ void addNeighbors(const Job& job, const SampledObject& object, GraspSet& set) {
 
 /// What one thread needs and adds up, on cache lines of its own.
 struct alignas(64) Worker {
-  FrictionCones cones;
+  Cones cones;
   std::unique_ptr<GraspPolicy> policy;
   Evaluation evaluation;
   StageSeconds seconds;  // of the processor
@@ -171,7 +174,8 @@ void TrialRun::runSample(Worker& worker, std::size_t sample) {
     if (result.trial.byReference || job.simulation == Simulation::reference) ++worker.byReference;
     if (result.trial.outcome == GraspOutcome::forceClosed) {
       grasps.push_back({trial, result.epsilon, result.trial.X_OH, result.trial.backoff, result.approachClear,
-                        result.trial.jointPosition, result.trial.contacts});
+                        result.bounds.lower, result.bounds.upper, result.criticalFriction, result.trial.jointPosition,
+                        result.trial.contacts});
     }
   }
   counters.trials += trial - first;
@@ -187,6 +191,7 @@ void setTimings(const SampledObject& object, const std::vector<Worker>& workers,
     set.seconds["force_closure"] += worker.seconds.forceClosure;
     set.seconds["epsilon"] += worker.seconds.epsilon;
     set.seconds["approach"] += worker.seconds.approach;
+    set.seconds["bounds"] += worker.seconds.bounds;
   }
   char host[256] = {};
   ::gethostname(host, sizeof host - 1);
@@ -284,7 +289,7 @@ std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, co
 
   auto start = std::chrono::steady_clock::now();
   std::vector<Worker> workers;
-  for (int i = 0; i < jobs.threads(); ++i) workers.push_back({FrictionCones(model), nullptr, {}, {}});
+  for (int i = 0; i < jobs.threads(); ++i) workers.push_back({Cones(model), nullptr, {}, {}});
   workers[0].policy = makePolicy(job, hand, object.model, fields);
   for (Worker& worker : workers) {
     if (!worker.policy) worker.policy = workers[0].policy->clone();

@@ -26,13 +26,15 @@ constexpr double kNotEvaluated = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
-void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, FrictionCones& cones, Evaluation& result,
+void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones, Evaluation& result,
               StageSeconds& seconds) {
   StageClock clock;
   policy.run(candidate, result.trial);
   clock.addTo(seconds.policy);
   GraspTrial& trial = result.trial;
   result.approachClear = false;
+  result.bounds = {};
+  result.criticalFriction = kNotEvaluated;
   result.epsilon = trial.outcome == GraspOutcome::blockedCentering ? kNotEvaluated : 0;
   if (trial.outcome != GraspOutcome::notForceClosed) return;
 
@@ -40,7 +42,7 @@ void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, FrictionCone
     for (double& x : contact.position) x = roundedToFloat(x);
     for (double& x : contact.normal) x = roundedToFloat(x);
   }
-  const WrenchView wrenches = cones.wrenches(trial.contacts);
+  const WrenchView wrenches = cones.linearised.wrenches(trial.contacts);
   result.forceClosure = testForceClosure(wrenches);
   clock.addTo(seconds.forceClosure);
   if (result.forceClosure.verdict == ForceClosure::notClosed) return;
@@ -55,6 +57,10 @@ void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, FrictionCone
   trial.outcome = policy.selfCollides(candidate, trial) ? GraspOutcome::selfCollision : GraspOutcome::forceClosed;
   if (trial.outcome == GraspOutcome::forceClosed) result.approachClear = policy.approachIsClear(candidate, trial);
   clock.addTo(seconds.approach);
+  if (trial.outcome != GraspOutcome::forceClosed) return;
+  result.bounds = cones.exact.epsilonBounds(trial.contacts);
+  result.criticalFriction = cones.exact.criticalFriction(trial.contacts).friction;
+  clock.addTo(seconds.bounds);
 }
 
 }  // namespace handhold

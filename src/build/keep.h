@@ -16,6 +16,7 @@ struct KeptGrasp {
   Eigen::Isometry3d X_OH;
   double backoff = 0;
   bool approachClear = false;
+  double epsilonLower = 0, epsilonUpper = 0, criticalFriction = 0;  // on the true cone
   Eigen::VectorXd jointPosition;
   std::vector<Contact> contacts;
 };

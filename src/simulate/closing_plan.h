@@ -36,8 +36,8 @@ std::vector<std::pair<int, int>> pairsThatMove(const Hand& hand);
 
 ClosingStep makeClosingStep(const Hand& hand, const ClosingJoint& closing);
 
-/// After two jaws of a self-centring step closed one by one to q[alone] and q[follower]: couples them again (in `q`), and
-/// says how the hand has to move for them to stay where they are.
+/// After two jaws of a self-centring step closed one by one to q[alone] and q[follower]: couples them again (in `q`),
+/// and says how the hand has to move for them to stay where they are.
 /// @return m, in the root link's frame H
 Eigen::Vector3d centerJaws(const Hand& hand, const ClosingStep& step, Eigen::VectorXd& q);
 

@@ -3,6 +3,7 @@
 #include "store/grasp_set.h"
 
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <string>
 #include <utility>
@@ -20,8 +21,11 @@ struct GraspSetSummary {
   bool watertight = false;
   std::size_t samples = 0, rolls = 0, preshapes = 0, grasps = 0, bytes = 0;
   std::uint64_t trialsByReference = 0;
-  std::vector<std::pair<std::string, std::size_t>> outcomes;  // in the file's order, zero counts included
-  double bestEpsilon = 0;                                     // 0 when there is no grasp
+  std::vector<std::pair<std::string, std::size_t>> outcomes;           // in the file's order, zero counts included
+  double bestEpsilon = 0;                                              // 0 when there is no grasp
+  double bestEpsilonLower = std::numeric_limits<double>::quiet_NaN();  // of the same grasp; NaN: not known
+  double bestEpsilonUpper = std::numeric_limits<double>::quiet_NaN();
+  double leastCriticalFriction = std::numeric_limits<double>::quiet_NaN();
   std::map<std::string, double> seconds;
   std::string created, host;
   std::vector<std::string> objectNotes;

@@ -51,6 +51,9 @@ struct GraspSet {
   std::vector<double> epsilon;                 // (n)
   std::vector<float> backoff;                  // (n)
   std::vector<std::uint8_t> approachClear;     // (n)
+  std::vector<double> epsilonLower;            // (n) on the true cone, as the two below; NaN: not known
+  std::vector<double> epsilonUpper;            // (n)
+  std::vector<float> criticalFriction;         // (n)
   std::vector<std::uint32_t> contactBegin{0};  // (n+1)
 
   // contacts

@@ -290,6 +290,8 @@ void Hdf5View::readNumbers(const std::string& path, NumberType type, void* value
   }
 }
 
+bool Hdf5View::has(const std::string& path) const { return H5Lexists(file_, path.c_str(), H5P_DEFAULT) > 0; }
+
 bool Hdf5View::hasAttribute(const std::string& object, const std::string& attribute) const {
   return H5Aexists_by_name(file_, object.c_str(), attribute.c_str(), H5P_DEFAULT) > 0;
 }

@@ -89,6 +89,8 @@ class Hdf5View {
     readNumbers(path, numberType<T>(), values.data(), count);
     return values;
   }
+  /// Is there a dataset or group of that name? The group that it lies in must exist.
+  bool has(const std::string& path) const;
   bool hasAttribute(const std::string& object, const std::string& attribute) const;
   std::string text(const std::string& path) const;
   std::vector<std::string> texts(const std::string& path) const;

@@ -6,6 +6,8 @@
 #include "store/grasp_set.h"
 #include "store/hdf5_file.h"
 
+#include <algorithm>
+#include <iterator>
 #include <map>
 #include <string>
 #include <string_view>
@@ -38,6 +40,13 @@ void checkGraspSet(const GraspSet& set, std::string_view where);
 using Sizes = std::map<char, std::size_t>;
 Sizes sizesOf(const GraspSet& set);
 
+/// Arrays of /grasps that older sets do not have: NaN in every row then. A row may have NaN in newer ones too.
+inline constexpr std::string_view kTrueConeArrays[] = {"/grasps/epsilon_lower", "/grasps/epsilon_upper",
+                                                       "/grasps/critical_friction"};
+inline bool isTrueConeArray(std::string_view path) {
+  return std::find(std::begin(kTrueConeArrays), std::end(kTrueConeArrays), path) != std::end(kTrueConeArrays);
+}
+
 /// visit(PATH, MEMBER, SYMBOLS) for every array of numbers but the meshes and /timings.
 template <class Visit>
 void forEachArray(const Visit& visit) {
@@ -55,6 +64,9 @@ void forEachArray(const Visit& visit) {
   visit("/grasps/epsilon", &GraspSet::epsilon, "n");
   visit("/grasps/backoff", &GraspSet::backoff, "n");
   visit("/grasps/approach_clear", &GraspSet::approachClear, "n");
+  visit("/grasps/epsilon_lower", &GraspSet::epsilonLower, "n");
+  visit("/grasps/epsilon_upper", &GraspSet::epsilonUpper, "n");
+  visit("/grasps/critical_friction", &GraspSet::criticalFriction, "n");
   visit("/grasps/contact_begin", &GraspSet::contactBegin, "+");
   visit("/contacts/position", &GraspSet::contactPosition, "C3");
   visit("/contacts/normal", &GraspSet::contactNormal, "C3");

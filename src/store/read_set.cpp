@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
+#include <cmath>
 #include <cstring>
 
 #include <fcntl.h>
@@ -195,6 +196,12 @@ void readArrays(const Hdf5View& file, GraspSet& set) {
   Sizes sizes{{'3', 3}, {'7', 7}, {'J', set.jointNames.size()}, {'M', set.preshapeNames.size()}};
   forEachArray([&](const char* path, auto member, std::string_view symbols) {
     auto& values = set.*member;
+    if constexpr (std::is_floating_point_v<typename std::decay_t<decltype(values)>::value_type>) {
+      if (isTrueConeArray(path) && !file.has(path)) {  // from before them
+        values.assign(sizes.at('n'), std::nanf(""));
+        return;
+      }
+    }
     Shape shape;
     values = file.array<typename std::decay_t<decltype(values)>::value_type>(path, shape);
     matchShape(file, path, shape, symbols, sizes);
@@ -242,6 +249,23 @@ GraspSet decodeGraspSet(const Hdf5View& file, const SetBlock& block) {
   readArrays(file, set);
   readTimings(file, set.seconds, set.host, set.created);
   return set;
+}
+
+/// Of the first grasp its bounds, of all the least critical friction; NaN where no row has a number.
+void readTrueCone(const Hdf5View& file, Sizes& sizes, GraspSetSummary& summary) {
+  Shape shape;
+  const auto read = [&]<class T>(const char* path, T) {
+    if (!file.has(path)) return std::vector<T>{};
+    std::vector<T> values = file.array<T>(path, shape);
+    matchShape(file, path, shape, "n", sizes);
+    return values;
+  };
+  const std::vector<double> lower = read("/grasps/epsilon_lower", 0.0), upper = read("/grasps/epsilon_upper", 0.0);
+  if (!lower.empty()) summary.bestEpsilonLower = lower.front();
+  if (!upper.empty()) summary.bestEpsilonUpper = upper.front();
+  for (const float friction : read("/grasps/critical_friction", 0.0f)) {
+    summary.leastCriticalFriction = std::fmin(summary.leastCriticalFriction, friction);
+  }
 }
 
 /// How often each outcome occurs, in the order of their names.
@@ -299,6 +323,7 @@ GraspSetSummary readSummary(const fs::path& path) {
   summary.bytes = kBlockBytes + block.bytes;
   summary.outcomes = countOutcomes(file, outcome);
   summary.bestEpsilon = epsilon.empty() ? 0 : epsilon.front();
+  readTrueCone(file, sizes, summary);
   readTimings(file, summary.seconds, summary.host, summary.created);
   summary.objectNotes = file.texts("/object/notes");
   return summary;

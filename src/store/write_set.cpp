@@ -100,8 +100,9 @@ void checkArrays(const GraspSet& set, std::string_view where) {
     }
     if constexpr (std::is_floating_point_v<std::decay_t<decltype(values[0])>>) {
       if (path == "/trials/epsilon") return;  // NaN there means that it was not evaluated
+      const bool allowsNan = isTrueConeArray(path);
       for (std::size_t i = 0; i < count; ++i) {
-        if (!std::isfinite(values[i])) {
+        if (!std::isfinite(values[i]) && !(allowsNan && std::isnan(values[i]))) {
           refuse(where, fmt::format("{} is {} at element {}, want a number", path, values[i], i));
         }
       }
@@ -135,6 +136,10 @@ void checkRows(const GraspSet& set, std::string_view where) {
     if (row > 0 && !(key(row - 1) < key(row))) {
       refuse(where, fmt::format("/grasps/epsilon row {} is {} after {}, want falling numbers, ties by trial", row,
                                 set.epsilon[row], set.epsilon[row - 1]));
+    }
+    if (set.epsilonLower[row] > set.epsilonUpper[row]) {
+      refuse(where, fmt::format("/grasps/epsilon_lower row {} is {}, want at most epsilon_upper {}", row,
+                                set.epsilonLower[row], set.epsilonUpper[row]));
     }
   }
 }

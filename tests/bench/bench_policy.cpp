@@ -142,6 +142,7 @@ struct Times {
             {"force_closure_us", 1e6 * stages.forceClosure / n},
             {"epsilon_us", 1e6 * stages.epsilon / n},
             {"approach_us", 1e6 * stages.approach / n},
+            {"bounds_us", 1e6 * stages.bounds / n},
             {"trials_per_second", 1 / secondsATrial()},
             {"force_closed_share", static_cast<double>(closed) / n},
             {"grasps_per_second", static_cast<double>(closed) / n / secondsATrial()},
@@ -149,7 +150,7 @@ struct Times {
   }
 };
 
-void timeTrial(GraspPolicy& policy, const GraspCandidate& candidate, FrictionCones& cones, Times& times) {
+void timeTrial(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones, Times& times) {
   StageSeconds seconds;
   evaluate(policy, candidate, cones, times.result, seconds);
   times.policy.add(1e6 * seconds.policy);
@@ -161,14 +162,14 @@ void timeTrial(GraspPolicy& policy, const GraspCandidate& candidate, FrictionCon
 /// Trials a second through evaluate() on all cores, on candidates that were not run before.
 double trialsPerSecondOnAllCores(const Setting& setting, const GraspPolicy& policy, std::size_t count) {
   struct alignas(64) Worker {
-    FrictionCones cones;
+    Cones cones;
     std::unique_ptr<GraspPolicy> policy;
     Evaluation result;
     StageSeconds seconds;
   };
   const JobSystem jobs;
   std::vector<Worker> workers;
-  for (int i = 0; i < jobs.threads(); ++i) workers.push_back({FrictionCones(setting.model()), policy.clone(), {}, {}});
+  for (int i = 0; i < jobs.threads(); ++i) workers.push_back({Cones(setting.model()), policy.clone(), {}, {}});
   const double start = secondsNow();
   jobs.run(count, 1, [&](int index, std::size_t i) {
     Worker& worker = workers[index];
@@ -180,7 +181,7 @@ double trialsPerSecondOnAllCores(const Setting& setting, const GraspPolicy& poli
 /// The reference on some of the candidates, the fast policy on all, in turns on one core; then each on all cores.
 ordered_json benchTimes(const Setting& setting, const Sizes& sizes) {
   const auto reference = setting.reference(policySettings(setting.job)), fast = setting.fast();
-  FrictionCones cones(setting.model());
+  Cones cones(setting.model());
   Times ofReference, ofFast;
   std::size_t every = std::max<std::size_t>(1, sizes.fast / sizes.reference);
   while (std::gcd(every, setting.trials()) > 1) --every;
@@ -364,7 +365,7 @@ void measureContacts(const Setting& setting, const GraspTrial& trial, ContactErr
 /// Contacts of force-closed trials of the fast policy, as they would be stored, against every triangle.
 ordered_json benchContacts(const Setting& setting, const Sizes& sizes) {
   const auto policy = setting.fast();
-  FrictionCones cones(setting.model());
+  Cones cones(setting.model());
   ContactErrors errors;
   Evaluation result;
   StageSeconds seconds;
@@ -469,7 +470,7 @@ ordered_json benchOpenRave(const fs::path& data) {
   const LoadedHand hand = withFields(std::move(barrett));
   const Setting setting{job, hand, object};
   const auto reference = setting.reference(), fast = setting.fast();
-  FrictionCones cones(setting.model());
+  Cones cones(setting.model());
   Times ofReference, ofFast;
   for (std::size_t trial = 0; trial < setting.trials(); ++trial) {
     const GraspCandidate candidate = candidateAt(job, object.samples, hand.hand, trial);

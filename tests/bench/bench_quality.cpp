@@ -1,4 +1,5 @@
-// Times force closure and epsilon against GLPK, CLP and Qhull on the same contact sets, in one run.
+// Times force closure and epsilon against GLPK, CLP and Qhull on the same contact sets, in one run, and the bounds of
+// epsilon and the critical friction on the true cone, which are held against cones of many edges.
 //
 //     bench_quality [--json] [--quick] [--database DIR]
 //
@@ -10,6 +11,7 @@
 #include "quality/columns.h"
 #include "quality/force_closure.h"
 #include "quality/references.h"
+#include "quality/true_cone.h"
 #include "support/random_contacts.h"
 
 #include <algorithm>
@@ -36,6 +38,7 @@ using nlohmann::ordered_json;
 
 constexpr int kConeEdges = 8;
 constexpr double kFriction = 0.5;
+constexpr int kManyEdges = 64;
 constexpr double kLpMargin = 1e-10;  // a weight of the balance; the LP solvers stop at 1e-9 and a closed set has more
 
 double microsecondsNow() {
@@ -49,11 +52,23 @@ struct Family {
 };
 constexpr Family kFamilies[] = {{"random", false}, {"grasp-like", true}};
 
+std::vector<Contact> contactsOf(const Family& family, int nContacts, std::uint64_t seed) {
+  return family.graspLike ? graspLikeContacts(seed, nContacts) : testing::randomContacts(seed, nContacts, 0.3);
+}
+
+WrenchModel modelOf(const Family& family, double friction = kFriction, int coneEdges = kConeEdges) {
+  return {{0, 0, 0}, family.graspLike ? 0.09 : 1, friction, coneEdges};
+}
+
 WrenchMatrix instance(const Family& family, int nContacts, std::uint64_t seed) {
-  if (family.graspLike) {
-    return frictionConeWrenches(graspLikeContacts(seed, nContacts), {{0, 0, 0}, 0.09, kFriction, kConeEdges});
-  }
-  return frictionConeWrenches(testing::randomContacts(seed, nContacts, 0.3), {{0, 0, 0}, 1, kFriction, kConeEdges});
+  return frictionConeWrenches(contactsOf(family, nContacts, seed), modelOf(family));
+}
+
+double quantile(std::vector<double> values, double q) {
+  if (values.empty()) return std::nan("");
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
 }
 
 /// Times of single calls in repeats; each repeat has instances of its own.
@@ -75,12 +90,6 @@ class Timings {
   }
 
  private:
-  static double quantile(std::vector<double> values, double q) {
-    if (values.empty()) return std::nan("");
-    const auto at = values.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
-    std::nth_element(values.begin(), at, values.end());
-    return *at;
-  }
   std::vector<double> all() const {
     std::vector<double> values;
     for (const auto& repeat : repeats_) values.insert(values.end(), repeat.begin(), repeat.end());
@@ -107,6 +116,8 @@ struct Sizes {
   double qhullBudget = 200;  // wrenches squared / 1000 a repeat: 50, 12 and 3 sets at 8, 16 and 32 contacts
   int randomVerdicts = 100'000;
   int storedGrasps = 10'000;
+  int trueCone = 300;  // instances a repeat
+  int bracketed = 20;  // of these held against many edges
 };
 
 /// Our verdict and its time, on many instances; then the time of epsilon where it is closed.
@@ -199,6 +210,65 @@ ordered_json benchQhull(const Family& family, int nContacts, const Sizes& sizes)
           {"qhull_refused", nRefused}};
 }
 
+/// Epsilon by an inscribed (or the narrowest circumscribed) cone of many edges; 0 when not closed.
+double manyEdgeEpsilon(const Family& family, const std::vector<Contact>& contacts, double friction) {
+  const WrenchMatrix w = frictionConeWrenches(contacts, modelOf(family, friction, kManyEdges));
+  const ForceClosureResult closure = testForceClosure(w);
+  return closure.verdict == ForceClosure::closed ? epsilonMetric(w, closure) : 0;
+}
+
+/// Bounds and critical friction on the true cone of the sets that are closed there.
+ordered_json benchTrueCone(const Family& family, int nContacts, const Sizes& sizes) {
+  constexpr double kRounding = 4 * kEpsilonTolerance;
+  const double circumscribed = 1 / std::cos(std::numbers::pi / kManyEdges);
+  Timings test, bounds, critical;
+  std::vector<double> facets;
+  long nSets = 0, nFailed = 0, nBracketed = 0, outOfBracket = 0, nConfirmed = 0, notConfirmed = 0;
+  double largestGap = 0;
+  TrueCones cones(modelOf(family));
+  for (int repeat = 0; repeat < sizes.repeats; ++repeat) {
+    test.startRepeat();
+    bounds.startRepeat();
+    critical.startRepeat();
+    for (int i = 0; i < sizes.trueCone; ++i) {
+      const auto contacts = contactsOf(family, nContacts, static_cast<std::uint64_t>(repeat + 300) << 32 | i);
+      const ForceClosure verdict = timed(test, [&] { return cones.testForceClosure(contacts); });
+      nFailed += verdict == ForceClosure::failed;
+      if (verdict != ForceClosure::closed) continue;
+      ++nSets;
+      const EpsilonBounds b = timed(bounds, [&] { return cones.epsilonBounds(contacts); });
+      const CriticalFriction c = timed(critical, [&] { return cones.criticalFriction(contacts); });
+      nFailed += b.verdict != ForceClosure::closed || c.verdict != ForceClosure::closed;
+      facets.push_back(b.facets);
+      largestGap = std::fmax(largestGap, 1 - b.lower / b.upper);
+      if (c.friction > kLeastFriction) {
+        const auto isClosed = [&](double friction) {
+          const WrenchMatrix w = frictionConeWrenches(contacts, modelOf(family, friction, kManyEdges));
+          return testForceClosure(w).verdict == ForceClosure::closed;
+        };
+        ++nConfirmed;
+        notConfirmed += !isClosed(1.01 * c.friction) || isClosed(0.99 * c.friction * circumscribed);
+      }
+      if (i >= sizes.bracketed) continue;
+      ++nBracketed;
+      outOfBracket += !(b.upper >= manyEdgeEpsilon(family, contacts, kFriction) - kRounding) ||
+                      !(b.lower <= manyEdgeEpsilon(family, contacts, kFriction * circumscribed) + kRounding);
+    }
+  }
+  return {{"sets", nSets},
+          {"failed", nFailed},
+          {"force_closure", test.json()},
+          {"bounds", bounds.json()},
+          {"facets_median", quantile(facets, 0.5)},
+          {"facets_p90", quantile(facets, 0.9)},
+          {"largest_gap", largestGap},
+          {"bracketed", nBracketed},
+          {"out_of_bracket", outOfBracket},
+          {"critical_friction", critical.json()},
+          {"confirmed", nConfirmed},
+          {"not_confirmed", notConfirmed}};
+}
+
 std::string cpuModel() {
   std::ifstream file("/proc/cpuinfo");
   for (std::string line; std::getline(file, line);) {
@@ -233,6 +303,7 @@ ordered_json benchOne(const Family& family, int nContacts, const Sizes& sizes) {
   result["ours"] = benchOurs(family, nContacts, sizes, closure, epsilon);
   result["linear_programs"] = benchLinearPrograms(family, nContacts, sizes, closure.median());
   result["hull"] = benchQhull(family, nContacts, sizes);
+  result["true_cone"] = benchTrueCone(family, nContacts, sizes);
   return result;
 }
 
@@ -297,6 +368,25 @@ void printTable(const ordered_json& report) {
              100 * spread(report, "force_closure"), 100 * spread(report, "epsilon"));
 }
 
+void printTrueCone(const ordered_json& report) {
+  fmt::print(
+      "\nthe true cone, sets closed there. out: bounds that miss the bracket of {0} inscribed and circumscribed "
+      "edges;\n"
+      "wrong: critical friction not confirmed by {0} edges 1 % above and below it\n\n",
+      kManyEdges);
+  fmt::print("{:10} {:>3} {:>6} {:>7} {:>16} {:>20} {:>12} {:>9} {:>9} {:>18} {:>11}\n", "sets", "n", "count", "failed",
+             "FC", "bounds", "facets", "gap", "out", "critical friction", "wrong");
+  for (const ordered_json& row : report["results"]) {
+    const ordered_json& cone = row["true_cone"];
+    fmt::print("{:10} {:>3} {:>6} {:>7} {:>16} {:>20} {:>5.0f} ({:.0f}) {:>9.1e} {:>4}/{:<4} {:>18} {:>5}/{:<5}\n",
+               row["sets"].get<std::string>(), row["contacts"].get<int>(), cone["sets"].get<long>(),
+               cone["failed"].get<long>(), cell(cone["force_closure"]), cell(cone["bounds"]),
+               cone["facets_median"].get<double>(), cone["facets_p90"].get<double>(), cone["largest_gap"].get<double>(),
+               cone["out_of_bracket"].get<long>(), cone["bracketed"].get<long>(), cell(cone["critical_friction"]),
+               cone["not_confirmed"].get<long>(), cone["confirmed"].get<long>());
+  }
+}
+
 void printVerdicts(const ordered_json& verdicts) {
   fmt::print(
       "\nverdicts. Wrong: its proof does not hold (closed: strictly; not closed: within {:.2g} R). CLP does not "
@@ -326,7 +416,7 @@ int run(int argc, char** argv) {
     if (option == "--json") {
       asJson = true;
     } else if (option == "--quick") {
-      sizes = {3, 500, 20, 100, 30, 5'000, 1'000};
+      sizes = {3, 500, 20, 100, 30, 5'000, 1'000, 100, 5};
     } else if (option == "--database" && i + 1 < argc) {
       database = argv[++i];
     } else {
@@ -343,6 +433,7 @@ int run(int argc, char** argv) {
     fmt::print("{}\n", report.dump(2));
   } else {
     printTable(report);
+    printTrueCone(report);
     printVerdicts(report["verdicts"]);
   }
   return 0;

@@ -3,6 +3,7 @@
 #include "build/build_set.h"
 #include "build/keep.h"
 #include "core/error.h"
+#include "quality/true_cone.h"
 
 #include <cmath>
 #include <filesystem>
@@ -100,7 +101,8 @@ TEST_F(Build, SetsSayWhichPolicyRanTheirTrials) {
     EXPECT_LE(a.trialsByReference, b.trialsByReference);
     EXPECT_FALSE(b.seconds.contains("fields"));
     EXPECT_EQ(a.seconds.at("fields") > 0, i == 0);  // counted in the first set that needs them
-    for (const char* stage : {"load", "sample", "prepare", "policy", "force_closure", "epsilon", "approach", "table"}) {
+    for (const char* stage :
+         {"load", "sample", "prepare", "policy", "force_closure", "epsilon", "approach", "bounds", "table"}) {
       EXPECT_GE(a.seconds.at(stage), 0) << stage;
     }
     EXPECT_GT(a.seconds.at("policy"), 0);
@@ -123,6 +125,12 @@ TEST_F(Build, GraspsAreRecomputedFromTheirRecord) {
     const WrenchMatrix wrenches =
         frictionConeWrenches(contacts, {set.centerOfMass, set.torqueScale, set.friction, set.coneEdges});
     EXPECT_EQ(epsilonMetric(wrenches, testForceClosure(wrenches)), set.epsilon[i]);
+    TrueCones cones({set.centerOfMass, set.torqueScale, set.friction, set.coneEdges});
+    const EpsilonBounds bounds = cones.epsilonBounds(contacts);
+    EXPECT_EQ(bounds.lower, set.epsilonLower[i]);
+    EXPECT_EQ(bounds.upper, set.epsilonUpper[i]);
+    EXPECT_LE(set.epsilon[i], set.epsilonUpper[i] + 4 * kEpsilonTolerance);  // the linearised cone lies inside
+    EXPECT_EQ(static_cast<float>(cones.criticalFriction(contacts).friction), set.criticalFriction[i]);
   }
 }
 

@@ -3,6 +3,7 @@
 #include "support/allocations.h"
 #include "support/random_contacts.h"
 
+#include <cmath>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -32,11 +33,11 @@ TEST(Evaluate, SecondPassAllocatesNothing) {
   std::vector<std::vector<Contact>> sets;
   for (int seed = 0; seed < 60; ++seed) sets.push_back(testing::randomContacts(seed, 2 + seed % 8, 0.3));
   GivenContacts policy;
-  FrictionCones cones({{0, 0, 0}, 1, 0.5, 8});
+  Cones cones({{0, 0, 0}, 1, 0.5, 8});
   Evaluation evaluation;
   StageSeconds seconds;
-  std::vector<double> epsilons[2];
-  for (auto& values : epsilons) values.reserve(sets.size());
+  std::vector<double> epsilons[2];  // linearised, and of grasps the three numbers on the true cone
+  for (auto& values : epsilons) values.reserve(4 * sets.size());
   int nClosed = 0;
   for (int pass = 0; pass < 2; ++pass) {
     const long before = testing::allocations();
@@ -44,7 +45,16 @@ TEST(Evaluate, SecondPassAllocatesNothing) {
       policy.give(contacts);
       evaluate(policy, {}, cones, evaluation, seconds);
       epsilons[pass].push_back(evaluation.epsilon);
-      nClosed += evaluation.trial.outcome == GraspOutcome::forceClosed;
+      const bool isClosed = evaluation.trial.outcome == GraspOutcome::forceClosed;
+      nClosed += isClosed;
+      EXPECT_EQ(std::isnan(evaluation.criticalFriction), !isClosed);
+      EXPECT_EQ(std::isnan(evaluation.bounds.lower), !isClosed);
+      if (!isClosed) continue;
+      // The linearised cone lies inside the true one.
+      EXPECT_LE(evaluation.epsilon, evaluation.bounds.upper + 4 * kEpsilonTolerance);
+      for (const double value : {evaluation.bounds.lower, evaluation.bounds.upper, evaluation.criticalFriction}) {
+        epsilons[pass].push_back(value);
+      }
     }
     if (pass == 1) {
       EXPECT_EQ(testing::allocations() - before, 0);

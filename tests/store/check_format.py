@@ -99,6 +99,21 @@ def unit_defect(path, value, unit):
     return None
 
 
+def true_cone_defect(file):
+    """The bounds hold each other, and both are known or none."""
+    names = ("grasps/epsilon_lower", "grasps/epsilon_upper", "grasps/critical_friction")
+    if any(name not in file for name in names):
+        return None  # told already
+    lower, upper, friction = (np.asarray(file[name][()], float) for name in names)
+    if lower.shape != upper.shape or np.any(np.isnan(lower) != np.isnan(upper)):
+        return "/grasps/epsilon_lower and epsilon_upper are not NaN in the same rows"
+    if np.any(lower <= 0) or np.any(lower > upper) or np.any(upper - lower > 1.0001e-4 * upper + 1e-9):
+        return "/grasps/epsilon_lower and epsilon_upper are no bounds within 1e-4 of each other"
+    if np.any(friction <= 0) or np.any(friction > np.float32(file.attrs["friction"])):
+        return f"/grasps/critical_friction is not in (0, {file.attrs['friction']:g}]"
+    return None
+
+
 def defects(path, rows):
     found = []
     with h5py.File(path, "r", locking=False) as file:
@@ -117,6 +132,7 @@ def defects(path, rows):
                 found.append(f"{name} is of type {type_name(item[0])}, want {kind}")
             else:
                 found.append(shape_defect(name, item[1], shape, sizes) or unit_defect(name, item[2], unit))
+        found.append(true_cone_defect(file))
         present, empty_groups = contents(file)
         found += [f"{name} is not in the table" for name in sorted((present | empty_groups) - named)]
     return [defect for defect in found if defect], len(named), sizes

@@ -135,6 +135,30 @@ TEST(OlderSet, WithoutCountOfTrialsByReference) {
   EXPECT_EQ(readSummary(path).trialsByReference, syntheticSet().trialCount());
 }
 
+// Sets from before the true cone have no such arrays: their rows read as not known.
+TEST(OlderSet, WithoutTheTrueCone) {
+  if (std::system("/usr/bin/python3 -c 'import h5py' 2>/dev/null") != 0) GTEST_SKIP() << "needs python3-h5py";
+  const TestFolder folder;
+  const fs::path path = folder.path() / "v0001.h5";
+  writeBytes(path, goodBytes());
+  const std::string code =
+      "import h5py, sys; f = h5py.File(sys.argv[1], 'r+', locking=False); "
+      "[f.__delitem__('grasps/' + n) for n in "
+      "('epsilon_lower', 'epsilon_upper', 'critical_friction')]";
+  ASSERT_EQ(std::system(("/usr/bin/python3 -c \"" + code + "\" " + path.string()).c_str()), 0);
+  writeBytes(path,
+             sealed(bytesOf(path).substr(kBlockBytes), {"mug", "three-finger", 1, syntheticSet().inputHash, 0, ""}));
+  const GraspSet set = readGraspSet(path);
+  ASSERT_EQ(set.epsilonLower.size(), set.graspCount());
+  EXPECT_TRUE(std::isnan(set.epsilonLower[0]));
+  EXPECT_TRUE(std::isnan(set.epsilonUpper[0]));
+  EXPECT_TRUE(std::isnan(set.criticalFriction[0]));
+  const GraspSetSummary summary = readSummary(path);
+  EXPECT_EQ(summary.grasps, set.graspCount());
+  EXPECT_TRUE(std::isnan(summary.bestEpsilonLower));
+  EXPECT_TRUE(std::isnan(summary.leastCriticalFriction));
+}
+
 // Whole files whose content contradicts db/FORMAT.md. h5py makes them, so the reader is held against another writer.
 TEST(Refusal, ContradictionsInside) {
   if (std::system("/usr/bin/python3 -c 'import h5py' 2>/dev/null") != 0) GTEST_SKIP() << "needs python3-h5py";
@@ -182,6 +206,9 @@ TEST(Refusal, WriterChecksTheSet) {
       {"/grasps/epsilon row 1 is 9 after", [](GraspSet& s) { s.epsilon[1] = 9; }},
       {"/grasps/epsilon row 16 is",
        [](GraspSet& s) { std::swap_ranges(s.trial.end() - 6, s.trial.end() - 3, s.trial.end() - 3); }},
+      {"/grasps/epsilon_lower row 2 is 9, want at most epsilon_upper", [](GraspSet& s) { s.epsilonLower[2] = 9; }},
+      {"/grasps/critical_friction is inf at element 2",
+       [](GraspSet& s) { s.criticalFriction[2] = std::numeric_limits<float>::infinity(); }},
       {"/grasps/contact_begin row 2 is 0 after 2", [](GraspSet& s) { s.contactBegin[2] = 0; }},
       {"/grasps/contact_begin starts with 1", [](GraspSet& s) { s.contactBegin[0] = 1; }},
       {"/contacts/link row 0 is 5, want below 5", [](GraspSet& s) { s.contactLink[0] = 5; }},

@@ -3,6 +3,7 @@
 #include "store/synthetic_set.h"
 
 #include <chrono>
+#include <cmath>
 #include <iostream>
 #include <memory>
 
@@ -23,6 +24,9 @@ TEST(RoundTrip, KeepsEveryField) {
   const GraspSet copy = readGraspSet(path);
   EXPECT_EQ(firstDifference(set, copy), "");
   EXPECT_EQ(copy.setVersion, 1);
+  EXPECT_EQ(copy.epsilonLower.front(), set.epsilonLower.front());
+  EXPECT_TRUE(std::isnan(copy.epsilonUpper.back()));
+  EXPECT_TRUE(std::isnan(copy.criticalFriction.back()));
   EXPECT_EQ(copy.generator, set.generator);
   EXPECT_EQ(copy.seconds, set.seconds);
   EXPECT_EQ(copy.host, set.host);
@@ -82,6 +86,9 @@ TEST(RoundTrip, SummaryCountsOutcomes) {
   EXPECT_EQ(summary.trialsByReference, set.trialsByReference);
   EXPECT_EQ(summary.bytes, fs::file_size(path));
   EXPECT_EQ(summary.bestEpsilon, set.epsilon.front());
+  EXPECT_EQ(summary.bestEpsilonLower, set.epsilonLower.front());
+  EXPECT_EQ(summary.bestEpsilonUpper, set.epsilonUpper.front());
+  EXPECT_EQ(summary.leastCriticalFriction, set.criticalFriction.front());  // past the grasp that has none
   EXPECT_TRUE(summary.watertight);
   EXPECT_EQ(summary.objectNotes, set.objectNotes);
   EXPECT_EQ(summary.seconds, set.seconds);

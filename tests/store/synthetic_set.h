@@ -101,6 +101,11 @@ inline void addSyntheticGrasps(GraspSet& set, std::size_t n, SyntheticNumbers& n
       set.mapWeight.push_back(1.0f / static_cast<float>(set.neighbors));
     }
     set.approachClear.push_back(row % 2 == 0 ? 1 : 0);
+    // The last grasp has no bounds, as when rounding stopped them.
+    const double unknown = std::numeric_limits<double>::quiet_NaN();
+    set.epsilonLower.push_back(row + 1 < n ? 1.01 * set.epsilon.back() : unknown);
+    set.epsilonUpper.push_back(row + 1 < n ? 1.0101 * set.epsilon.back() : unknown);
+    set.criticalFriction.push_back(static_cast<float>(row + 1 < n ? 0.1 + 0.01 * static_cast<double>(row) : unknown));
   }
   numbers.fill(set.targetPoint, 3 * n);
   numbers.fillDirections(set.approachDirection, n);
