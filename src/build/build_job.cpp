@@ -159,7 +159,7 @@ class JobRun {
     FieldsOfHand& entry = fields_[hand.contentHash];
     if (!entry.fields) {
       const auto start = std::chrono::steady_clock::now();
-      entry.fields = makeHandFields(hand);
+      entry.fields = makeHandFields(hand, &cancel_);
       entry.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       logInfo(fmt::format("{}: fields of the hand made in {:.2f} s", hand.name, entry.seconds));
     }
@@ -174,7 +174,7 @@ class JobRun {
       return true;
     } catch (const std::bad_alloc&) {
       reason = "out of memory";
-    } catch (const std::runtime_error& error) {  // InputError, SystemError
+    } catch (const std::runtime_error& error) {  // InputError, SystemError, Cancelled
       reason = error.what();
     }
     for (const PendingSet& set : sets) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <stdexcept>
 #include <string>
 
@@ -18,5 +19,16 @@ class SystemError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
+
+/// Whoever called for the work has asked for its end.
+class Cancelled : public std::runtime_error {
+ public:
+  Cancelled() : std::runtime_error("cancelled") {}
+};
+
+/// @throws Cancelled  when there is a flag and it is true
+inline void throwIfCancelled(const std::atomic<bool>* cancel) {
+  if (cancel != nullptr && cancel->load(std::memory_order_relaxed)) throw Cancelled();
+}
 
 }  // namespace handhold

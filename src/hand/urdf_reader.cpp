@@ -12,7 +12,6 @@
 #include <filesystem>
 #include <limits>
 #include <mutex>
-#include <numeric>
 
 #include <console_bridge/console.h>
 #include <fmt/format.h>
@@ -94,23 +93,12 @@ std::string resolveMesh(const std::string& name, const std::string& urdfPath, co
 }
 
 /// A mesh file may hold several parts: a point on each, since any of them can be inside an object while the others are
-/// not. Parts are connected by shared vertices.
-std::vector<Eigen::Vector3d> onePointPerComponent(const TriangleMesh& mesh) {
-  std::vector<std::uint32_t> parent(mesh.vertices.size());
-  std::iota(parent.begin(), parent.end(), 0U);
-  const auto rootOf = [&](std::uint32_t vertex) {
-    while (parent[vertex] != vertex) vertex = parent[vertex] = parent[parent[vertex]];
-    return vertex;
-  };
-  for (const auto& t : mesh.triangles) {
-    for (const std::uint32_t other : {t[1], t[2]}) {
-      const auto [low, high] = std::minmax({rootOf(t[0]), rootOf(other)});
-      parent[high] = low;
-    }
-  }
+/// not.
+std::vector<Eigen::Vector3d> onePointPerPiece(const TriangleMesh& mesh) {
+  const std::vector<std::uint32_t> piece = connectedPieces(mesh);
   std::vector<Eigen::Vector3d> points;
-  for (std::uint32_t i = 0; i < parent.size(); ++i) {
-    if (parent[i] == i) points.push_back(mesh.vertices[i]);
+  for (std::uint32_t i = 0; i < piece.size(); ++i) {
+    if (piece[i] == i) points.push_back(mesh.vertices[i]);
   }
   return points;
 }
@@ -168,7 +156,7 @@ struct Reader {
     }
     for (const auto& [geometry, X_LP] : pieces) {
       const TriangleMesh piece = geometryMesh(*geometry, link.name);
-      for (const Eigen::Vector3d& point : onePointPerComponent(piece)) link.piecePoints.push_back(X_LP * point);
+      for (const Eigen::Vector3d& point : onePointPerPiece(piece)) link.piecePoints.push_back(X_LP * point);
       append(link.mesh, piece, X_LP);
     }
     roundToFloat(link.mesh);

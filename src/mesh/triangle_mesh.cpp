@@ -3,6 +3,9 @@
 #include "core/float_rounding.h"
 #include "mesh/edges.h"
 
+#include <algorithm>
+#include <numeric>
+
 namespace handhold {
 
 void roundToFloat(TriangleMesh& mesh) {
@@ -23,6 +26,23 @@ void append(TriangleMesh& mesh, const TriangleMesh& part, const Eigen::Isometry3
   mesh.triangles.reserve(mesh.triangles.size() + part.triangles.size());
   for (const auto& vertex : part.vertices) mesh.vertices.push_back(X * vertex);
   for (const auto& t : part.triangles) mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+}
+
+std::vector<std::uint32_t> connectedPieces(const TriangleMesh& mesh) {
+  std::vector<std::uint32_t> parent(mesh.vertices.size());
+  std::iota(parent.begin(), parent.end(), 0U);
+  const auto rootOf = [&](std::uint32_t vertex) {
+    while (parent[vertex] != vertex) vertex = parent[vertex] = parent[parent[vertex]];
+    return vertex;
+  };
+  for (const auto& t : mesh.triangles) {
+    for (const std::uint32_t other : {t[1], t[2]}) {
+      const auto [low, high] = std::minmax({rootOf(t[0]), rootOf(other)});
+      parent[high] = low;
+    }
+  }
+  for (std::uint32_t& vertex : parent) vertex = rootOf(vertex);
+  return parent;
 }
 
 bool isWatertight(const TriangleMesh& mesh) {

@@ -34,6 +34,9 @@ Eigen::AlignedBox3d boundingBox(const TriangleMesh& mesh);
 /// Adds the triangles of `part`, moved by `X`, to `mesh`.
 void append(TriangleMesh& mesh, const TriangleMesh& part, const Eigen::Isometry3d& X);
 
+/// For every vertex the lowest one of the piece that it belongs to; pieces are connected by shared vertices.
+std::vector<std::uint32_t> connectedPieces(const TriangleMesh& mesh);
+
 /// True when the oriented boundary is empty: every directed edge is used as often as its opposite. Then winding numbers
 /// are whole and volume integrals are defined, even where more than two faces share an edge.
 bool isWatertight(const TriangleMesh& mesh);

@@ -1,7 +1,5 @@
 #include "simulate/closing_plan.h"
 
-#include "simulate/grasp_policy.h"
-
 #include <algorithm>
 #include <cmath>
 #include <iterator>

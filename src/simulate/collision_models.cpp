@@ -6,7 +6,6 @@
 #include <iterator>
 #include <limits>
 #include <map>
-#include <numeric>
 
 #include <fcl/geometry/bvh/BVH_model.h>
 #include <fcl/geometry/shape/box.h>
@@ -35,20 +34,11 @@ bool touches(const Bvh& a, const Eigen::Isometry3d& X_A, const Bvh& b, const Eig
 }
 
 /// The pieces of a mesh that share no vertex.
-std::vector<TriangleMesh> connectedPieces(const TriangleMesh& mesh) {
-  std::vector<std::uint32_t> root(mesh.vertices.size());
-  std::iota(root.begin(), root.end(), 0U);
-  const auto find = [&](std::uint32_t v) {
-    while (root[v] != v) v = root[v] = root[root[v]];
-    return v;
-  };
-  for (const auto& t : mesh.triangles) {
-    root[find(t[1])] = find(t[0]);
-    root[find(t[2])] = find(t[0]);
-  }
+std::vector<TriangleMesh> splitPieces(const TriangleMesh& mesh) {
+  const std::vector<std::uint32_t> pieceOf = connectedPieces(mesh);
   std::map<std::uint32_t, TriangleMesh> pieces;
   for (const auto& t : mesh.triangles) {
-    TriangleMesh& piece = pieces[find(t[0])];
+    TriangleMesh& piece = pieces[pieceOf[t[0]]];
     const auto first = static_cast<std::uint32_t>(piece.vertices.size());
     for (const std::uint32_t v : t) piece.vertices.push_back(mesh.vertices[v]);
     piece.triangles.push_back({first, first + 1, first + 2});
@@ -163,7 +153,7 @@ std::vector<Eigen::Vector3d> partPoints(const Hand& hand, const std::vector<Eige
   };
   std::vector<Piece> pieces;
   for (std::size_t i = 0; i < hand.links.size(); ++i) {
-    for (const TriangleMesh& mesh : connectedPieces(hand.links[i].mesh)) {
+    for (const TriangleMesh& mesh : splitPieces(hand.links[i].mesh)) {
       pieces.push_back({makeBvh(mesh), X_HL[i], X_HL[i] * mesh.vertices[0], pieces.size()});
     }
   }

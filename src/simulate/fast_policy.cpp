@@ -49,6 +49,32 @@ struct Touch {
   bool touched = false;
 };
 
+/// Points on their way to a kernel, each with the parameter to start from.
+struct Group {
+  Points points;
+  alignas(64) float start[kGroup];
+  int count = 0;
+
+  /// True when it is full.
+  bool push(float x, float y, float z, float from) {
+    points.x[count] = x;
+    points.y[count] = y;
+    points.z[count] = z;
+    start[count] = from;
+    return ++count == kGroup;
+  }
+  /// Fills up with its first point, and is empty for the next push.
+  void pad() {
+    for (int i = count; i < kGroup; ++i) {
+      points.x[i] = points.x[0];
+      points.y[i] = points.y[0];
+      points.z[i] = points.z[0];
+      start[i] = start[0];
+    }
+    count = 0;
+  }
+};
+
 class FastPolicy final : public GraspPolicy {
  public:
   FastPolicy(std::shared_ptr<const HandFields> fields, const Hand& hand, const ObjectModel& object, PolicyKind kind,
@@ -82,10 +108,29 @@ class FastPolicy final : public GraspPolicy {
 
   void run(const GraspCandidate& candidate, GraspTrial& trial) override {
     try {
-      runFast(candidate, trial);
+      begin(candidate.preshape, trial);
+      backOff(candidate, trial);
+      closeAndGather(trial);
     } catch (const Unsettled&) {
       reference_->run(candidate, trial);
       trial.byReference = true;
+    }
+  }
+
+  bool closeAt(const Isometry3d& X_OH, int preshape, GraspTrial& trial) override {
+    try {
+      begin(preshape, trial);
+      trial.X_OH = X_OH;
+      trial.backoff = 0;
+      const auto& links = fields_->links;
+      if (std::any_of(links.begin(), links.end(), [&](int link) { return linkTouches(link, X_OH); })) return false;
+      if (isContained(X_OH)) return false;
+      closeAndGather(trial);
+      return true;
+    } catch (const Unsettled&) {
+      const bool free = reference_->closeAt(X_OH, preshape, trial);
+      trial.byReference = true;
+      return free;
     }
   }
 
@@ -107,6 +152,44 @@ class FastPolicy final : public GraspPolicy {
     });
   }
 
+  // What closeHand asks for.
+
+  ClosingStop closeJoint(std::size_t step, ClosingPart part, GraspTrial& trial) {
+    const Motion& motion = fields_->motions[preshape_->steps[step].motion[static_cast<std::size_t>(part)]];
+    const Mover& mover = *motion.mover;
+    ClosingStop stop{mover.joint, trial.jointPosition[mover.joint], {}};
+    const double from = motion.direction * (stop.position - motion.start);
+    const Touch touch = touchOf(motion, from, trial);
+    stop.position = motion.start + motion.direction * touch.s;
+    if (touch.touched) {
+      stop.links = touchedLinks_;
+    } else {
+      stop.position = mover.direction > 0 ? hand_.joints[mover.joint].upper : hand_.joints[mover.joint].lower;
+      if (from >= motion.range) stop.position = trial.jointPosition[mover.joint];
+    }
+    place(hand_, mover, stop.position, trial.jointPosition);
+    forwardKinematics(hand_, trial.jointPosition, X_HL_);
+    return stop;
+  }
+
+  void bringUpCounterpart(std::size_t step, GraspTrial& trial) {
+    const Motion& motion = fields_->motions[preshape_->steps[step].counterpart];
+    const Touch touch = touchOf(motion, 0, trial);
+    if (!touch.touched) return;
+    const Vector3d shift = touch.s * (trial.X_OH.linear() * motion.slideAxis);
+    trial.centering += shift;
+    trial.X_OH.translation() += shift;
+  }
+
+  void setPosture(const Eigen::VectorXd& q) { forwardKinematics(hand_, q, X_HL_); }
+
+  bool restTouches(const ClosingStep& step, const GraspTrial& trial) {
+    const auto& jaws = step.together.links;
+    return std::any_of(fields_->links.begin(), fields_->links.end(), [&](int link) {
+      return std::find(jaws.begin(), jaws.end(), link) == jaws.end() && linkTouches(link, trial.X_OH);
+    });
+  }
+
  private:
   void reserve() {
     const std::size_t blocks = shell_->pointTree.blocks.size() + kGroup;
@@ -116,19 +199,21 @@ class FastPolicy final : public GraspPolicy {
     scratchIds_.resize(shell_->source.size() + kGroup);
   }
 
-  void runFast(const GraspCandidate& candidate, GraspTrial& trial) {
+  void begin(int preshape, GraspTrial& trial) {
     trial.outcome = GraspOutcome::notForceClosed;
     trial.stops.clear();
     trial.contacts.clear();
     trial.centering.setZero();
     trial.collisionQueries = 0;
     trial.byReference = false;
-    for (Search& search : searches_) search.margin = -1;
-    trial.jointPosition = hand_.preshapes[candidate.preshape].jointPosition;
-    preshape_ = &fields_->preshapes[candidate.preshape];
+    trial.jointPosition = hand_.preshapes[preshape].jointPosition;
+    preshape_ = &fields_->preshapes[preshape];
     X_HL_ = preshape_->X_HL;
-    backOff(candidate, trial);
-    if (!close(trial)) {
+    for (Search& search : searches_) search.margin = -1;
+  }
+
+  void closeAndGather(GraspTrial& trial) {
+    if (!closeHand(hand_, fields_->steps, *this, trial)) {
       trial.outcome = GraspOutcome::blockedCentering;
       return;
     }
@@ -234,17 +319,19 @@ class FastPolicy final : public GraspPolicy {
     return t + tau;
   }
 
+  void reserveLanes(std::size_t room) {
+    if (laneX_.size() >= room) return;
+    for (auto* array : {&laneX_, &laneY_, &laneZ_, &low_[0], &low_[1], &high_[0], &high_[1]}) array->resize(room);
+    for (auto& array : laneLink_) array.resize(room);
+  }
+
   /// The same for the shell's points.
   double shellExit(double start, bool last) {
     const Placement placement = Placement::of(X_GS_);
     const std::size_t blocks = kernels::selectColumns(preshape_->coarse, shell_->pointTree, placement,
                                                       static_cast<float>(start), blockIds_.data());
     std::size_t count = 0;
-    const std::size_t room = kGroup * (blocks + 1);
-    if (laneX_.size() < room) {
-      for (auto* array : {&laneX_, &laneY_, &laneZ_, &low_[0], &low_[1], &high_[0], &high_[1]}) array->resize(room);
-      for (auto& array : laneLink_) array.resize(room);
-    }
+    reserveLanes(kGroup * (blocks + 1));
     for (std::size_t i = 0; i < blocks; ++i) {
       float* const low[2] = {&low_[0][count], &low_[1][count]};
       float* const high[2] = {&high_[0][count], &high_[1][count]};
@@ -287,37 +374,23 @@ class FastPolicy final : public GraspPolicy {
     float best = floor;
     for (int band = 0; band < kBands && top - static_cast<float>(band) * kBand > best; ++band) {
       for (const ExitLane& lane : exitBands_[band]) {
-        if (lane.high > best) pushExit(lane.index, lane.link, lane.high, best);
+        if (lane.high <= best) continue;
+        const std::uint32_t i = lane.index;
+        if (exitGroups_[lane.link].push(laneX_[i], laneY_[i], laneZ_[i], lane.high))
+          flushExit(static_cast<int>(lane.link), best);
       }
       for (const int link : fields_->links) flushExit(link, best);
     }
     return best;
   }
 
-  void pushExit(std::size_t lane, std::uint32_t link, float t, float& best) {
-    ExitGroup& group = exitGroups_[link];
-    group.points.x[group.count] = laneX_[lane];
-    group.points.y[group.count] = laneY_[lane];
-    group.points.z[group.count] = laneZ_[lane];
-    group.start[group.count] = t;
-    if (++group.count == kGroup) flushExit(static_cast<int>(link), best);
-  }
-
   void flushExit(int link, float& best) {
-    ExitGroup& group = exitGroups_[link];
+    Group& group = exitGroups_[link];
     if (group.count == 0) return;
-    for (int i = group.count; i < kGroup; ++i) {
-      group.points.x[i] = group.points.x[0];
-      group.points.y[i] = group.points.y[0];
-      group.points.z[i] = group.points.z[0];
-      group.start[i] = group.start[0];
-    }
-    const PlacedGrid grid = {fields_->grids[link].get(),
-                             Placement::of((preshape_->X_GH * preshape_->X_HL[link]).inverse())};
+    group.pad();
     alignas(64) float left[kGroup];
-    kernels::refineExit(grid, group.points, group.start, best, left);
+    kernels::refineExit({fields_->grids[link].get(), preshape_->fromPalm[link]}, group.points, group.start, best, left);
     for (const float t : left) best = std::max(best, t);
-    group.count = 0;
   }
 
   /// From the shell's t to the one of the triangles: pairs near the hand give exact intervals of t.
@@ -348,7 +421,7 @@ class FastPolicy final : public GraspPolicy {
   void gatherExitIntervals(double t, double window) {
     intervals_.clear();
     for (const int link : fields_->links) {
-      const Isometry3d X_LG = (preshape_->X_GH * preshape_->X_HL[link]).inverse();
+      const Isometry3d& X_LG = preshape_->X_LG[link];
       const Isometry3d X_LS = X_LG * Eigen::Translation3d(0, 0, t) * X_GS_;
       Search& search = searches_[link];
       gather(link, X_LS, window, false, search);
@@ -410,44 +483,16 @@ class FastPolicy final : public GraspPolicy {
 
   // ---- closing
 
-  bool close(GraspTrial& trial) {
-    for (std::size_t i = 0; i < fields_->steps.size(); ++i) {
-      const ClosingStep& step = fields_->steps[i];
-      const PreshapeFields::Step& motions = preshape_->steps[i];
-      if (step.selfCentering && step.fixedLinks.empty()) {
-        if (!closeCentering(step, motions, trial)) return false;
-        continue;
-      }
-      if (step.selfCentering) bringUpCounterpart(motions.counterpart, trial);
-      trial.stops.push_back(closeJoint(motions.together, trial));
-      const std::vector<int>& stopped = trial.stops.back().links;
-      const auto isBeforeBreakaway = [&](int link) {
-        const auto& outer = step.breakaway.links;
-        return std::find(outer.begin(), outer.end(), link) == outer.end();
-      };
-      if (step.breakaway.joint >= 0 && std::any_of(stopped.begin(), stopped.end(), isBeforeBreakaway)) {
-        trial.stops.push_back(closeJoint(motions.breakaway, trial));
-      }
+  /// Do the surfaces of the object and of a link, in the present posture, intersect?
+  bool linkTouches(int link, const Isometry3d& X_OH) {
+    Search& search = searches_[link];
+    gather(link, (X_OH * X_HL_[link]).inverse() * fromShell(), 1e-6, false, search);
+    setVelocity({0.6F, 0.57F, 0.56F}, search.near);  // any way through will do
+    kernels::touchIntervals(*fields_->grids[link], search.near, search.pairs.count, search.pairs);
+    for (std::size_t i = 0; i < search.pairs.count; ++i) {
+      if (search.pairs.enter[i] <= 0 && search.pairs.leave[i] >= 0) return true;
     }
-    return true;
-  }
-
-  ClosingStop closeJoint(int index, GraspTrial& trial) {
-    const Motion& motion = fields_->motions[index];
-    const Mover& mover = *motion.mover;
-    ClosingStop stop{mover.joint, trial.jointPosition[mover.joint], {}};
-    const double from = motion.direction * (stop.position - motion.start);
-    const Touch touch = touchOf(motion, from, trial);
-    stop.position = motion.start + motion.direction * touch.s;
-    if (touch.touched) {
-      stop.links = touchedLinks_;
-    } else {
-      stop.position = mover.direction > 0 ? hand_.joints[mover.joint].upper : hand_.joints[mover.joint].lower;
-      if (from >= motion.range) stop.position = trial.jointPosition[mover.joint];
-    }
-    place(hand_, mover, stop.position, trial.jointPosition);
-    forwardKinematics(hand_, trial.jointPosition, X_HL_);
-    return stop;
+    return false;
   }
 
   /// The first s >= from at which the motion touches, or its range.
@@ -456,9 +501,8 @@ class FastPolicy final : public GraspPolicy {
     for (const auto& [joint, position] : motion.heldJoints) {
       if (std::abs(trial.jointPosition[joint] - position) > 1e-12) throw Unsettled{};
     }
-    X_HS_ = trial.X_OH.inverse() * fromShell();
-    X_BS_ = motion.X_BP * X_HL_[motion.baseLink].inverse() * X_HS_;
-    if (!motion.mover) X_BS_ = X_HS_;
+    X_BS_ = trial.X_OH.inverse() * fromShell();
+    if (motion.mover) X_BS_ = motion.X_BP * X_HL_[motion.baseLink].inverse() * X_BS_;
     muted_.clear();
     for (int round = 0; round < kMostRounds; ++round) {
       if (from >= motion.range) return {motion.range, false};
@@ -539,11 +583,7 @@ class FastPolicy final : public GraspPolicy {
     std::uint32_t bestUnit = Motion::kNever;
     bool found = false;
     std::size_t count = 0;
-    const std::size_t room = kGroup * (blocks + 2);
-    if (laneX_.size() < room) {
-      for (auto* array : {&laneX_, &laneY_, &laneZ_, &low_[0], &low_[1], &high_[0], &high_[1]}) array->resize(room);
-      for (auto& array : laneLink_) array.resize(room);
-    }
+    reserveLanes(kGroup * (blocks + 2));
     for (int band = 0; band < kBands && (static_cast<std::uint32_t>(band) << kShift) < bestUnit; ++band) {
       for (std::uint32_t i = begin[band]; i < begin[band + 1]; ++i) {
         count += kernels::selectPoints(motion.field->fine, *shell_, ordered_[i], placement, fromUnit, bestUnit,
@@ -552,23 +592,15 @@ class FastPolicy final : public GraspPolicy {
       // Points that are due in this band; the others wait.
       const std::uint32_t due = static_cast<std::uint32_t>(band + 1) << kShift;
       std::size_t kept = 0;
-      Points points;
-      alignas(64) float start[kGroup];
-      int n = 0;
+      Group group;
       const auto flush = [&] {
-        if (n == 0) return;
-        for (int k = n; k < kGroup; ++k) {
-          points.x[k] = points.x[0];
-          points.y[k] = points.y[0];
-          points.z[k] = points.z[0];
-          start[k] = start[0];
-        }
-        n = 0;
+        if (group.count == 0) return;
+        group.pad();
         // Close to the best the link cannot have passed through a point yet: then it lies inside at the best.
         const bool close = best < static_cast<float>(unit) * static_cast<float>((band + 2) << kShift);
-        if (found && close && !anyInside(motion, points, best)) return;
+        if (found && close && !anyInside(motion, group.points, best)) return;
         alignas(64) float touched[kGroup];
-        kernels::refineMotion(motion, grids_, points, start, static_cast<float>(from), best, touched);
+        kernels::refineMotion(motion, grids_, group.points, group.start, static_cast<float>(from), best, touched);
         for (const float s : touched) {
           if (s < best) {
             best = s;
@@ -582,11 +614,8 @@ class FastPolicy final : public GraspPolicy {
         if (first >= bestUnit) continue;
         if (!muted_.empty() && isMuted({laneX_[i], laneY_[i], laneZ_[i]})) continue;
         if (first < due) {
-          points.x[n] = laneX_[i];
-          points.y[n] = laneY_[i];
-          points.z[n] = laneZ_[i];
-          start[n] = std::max(static_cast<float>(from), static_cast<float>(first * unit));
-          if (++n == kGroup) flush();
+          const float start = std::max(static_cast<float>(from), static_cast<float>(first * unit));
+          if (group.push(laneX_[i], laneY_[i], laneZ_[i], start)) flush();
         } else {
           laneX_[kept] = laneX_[i];
           laneY_[kept] = laneY_[i];
@@ -788,52 +817,6 @@ class FastPolicy final : public GraspPolicy {
     }
   }
 
-  bool closeCentering(const ClosingStep& step, const PreshapeFields::Step& motions, GraspTrial& trial) {
-    Eigen::VectorXd& q = trial.jointPosition;
-    const Eigen::VectorXd before = q;
-    const ClosingStop first = closeJoint(motions.alone, trial);
-    const ClosingStop second = closeJoint(motions.follower, trial);
-    if (first.links.empty() || second.links.empty()) {
-      q = before;
-      forwardKinematics(hand_, q, X_HL_);
-      trial.stops.push_back(closeJoint(motions.together, trial));
-      return true;
-    }
-    trial.stops.push_back(first);
-    trial.stops.push_back(second);
-    const Vector3d shift = trial.X_OH.linear() * centerJaws(hand_, step, q);
-    trial.centering += shift;
-    trial.X_OH.translation() += shift;
-    forwardKinematics(hand_, q, X_HL_);
-    return !restTouches(step, trial);
-  }
-
-  void bringUpCounterpart(int index, GraspTrial& trial) {
-    const Motion& motion = fields_->motions[index];
-    const Touch touch = touchOf(motion, 0, trial);
-    if (!touch.touched) return;
-    const Vector3d shift = touch.s * (trial.X_OH.linear() * motion.slideAxis);
-    trial.centering += shift;
-    trial.X_OH.translation() += shift;
-  }
-
-  /// After centring: does a link that is not a jaw of this step touch?
-  bool restTouches(const ClosingStep& step, const GraspTrial& trial) {
-    const Isometry3d X_HS = trial.X_OH.inverse() * fromShell();
-    for (const int link : fields_->links) {
-      const auto& jaws = step.together.links;
-      if (std::find(jaws.begin(), jaws.end(), link) != jaws.end()) continue;
-      Search& search = searches_[link];
-      gather(link, X_HL_[link].inverse() * X_HS, 1e-6, false, search);
-      setVelocity({0.6F, 0.57F, 0.56F}, search.near);  // any way through will do
-      kernels::touchIntervals(*fields_->grids[link], search.near, search.pairs.count, search.pairs);
-      for (std::size_t i = 0; i < search.pairs.count; ++i) {
-        if (search.pairs.enter[i] <= 0 && search.pairs.leave[i] >= 0) return true;
-      }
-    }
-    return false;
-  }
-
   // ---- contacts
 
   void gatherContacts(GraspTrial& trial) {
@@ -872,12 +855,6 @@ class FastPolicy final : public GraspPolicy {
     float high;
   };
 
-  struct ExitGroup {
-    Points points;
-    alignas(64) float start[kGroup];
-    int count = 0;
-  };
-
   std::shared_ptr<const HandFields> fields_;
   const Hand& hand_;
   const ObjectModel& object_;
@@ -891,14 +868,14 @@ class FastPolicy final : public GraspPolicy {
   // of the present trial
   const PreshapeFields* preshape_ = nullptr;
   std::vector<Isometry3d> X_HL_;
-  Isometry3d X_GS_, X_HS_, X_BS_;  // S: the shell's frame, O moved to its centre
+  Isometry3d X_GS_, X_BS_;  // S: the shell's frame, O moved to its centre
 
   // scratch
   std::vector<std::uint32_t> blockIds_, blockFirsts_, ordered_, nearIds_, scratchIds_;
   std::vector<float> laneX_, laneY_, laneZ_, low_[2], high_[2], innerLow_[2], innerHigh_[2];
   std::size_t lanes_ = 0;
   std::vector<std::uint32_t> laneLink_[2];
-  std::vector<ExitGroup> exitGroups_ = std::vector<ExitGroup>(hand_.links.size());
+  std::vector<Group> exitGroups_ = std::vector<Group>(hand_.links.size());
   std::array<std::vector<ExitLane>, 4> exitBands_;
   std::vector<std::pair<double, double>> intervals_;
   kernels::Pairs crossing_;
@@ -918,7 +895,9 @@ class FastPolicy final : public GraspPolicy {
 
 }  // namespace
 
-std::shared_ptr<const HandFields> makeHandFields(const Hand& hand) { return std::make_shared<const HandFields>(hand); }
+std::shared_ptr<const HandFields> makeHandFields(const Hand& hand, const std::atomic<bool>* cancel) {
+  return std::make_shared<const HandFields>(hand, cancel);
+}
 
 std::unique_ptr<GraspPolicy> makeFastPolicy(std::shared_ptr<const HandFields> fields, const Hand& hand,
                                             const ObjectModel& object, PolicyKind kind,

@@ -2,6 +2,7 @@
 
 #include "simulate/grasp_policy.h"
 
+#include <atomic>
 #include <memory>
 
 namespace handhold {
@@ -9,8 +10,9 @@ namespace handhold {
 /// What the fast policy computes once for a hand (hand_fields.h). Immutable, shared by all objects and workers.
 class HandFields;
 
+/// @throws Cancelled  within a second after `cancel` became true
 /// @note Takes a few seconds on one core.
-std::shared_ptr<const HandFields> makeHandFields(const Hand& hand);
+std::shared_ptr<const HandFields> makeHandFields(const Hand& hand, const std::atomic<bool>* cancel = nullptr);
 
 /// The reference's policy, a hundred times faster: fields of the hand against points of the object, then exact
 /// triangles (README.md). Trials that it cannot settle exactly it hands to the reference and marks `byReference`.

@@ -71,6 +71,9 @@ class GraspPolicy {
  public:
   virtual ~GraspPolicy() = default;
   virtual void run(const GraspCandidate& candidate, GraspTrial& trial) = 0;
+  /// The same from a given pose of the hand, without backing off: fingers closed, contacts gathered. False when the
+  /// hand in its preshape touches the object there; the trial is then without meaning.
+  virtual bool closeAt(const Eigen::Isometry3d& X_OH, int preshape, GraspTrial& trial) = 0;
   /// Is the straight approach along P_d from outside to the trial's back-off, in its preshape, free of the object?
   virtual bool approachIsClear(const GraspCandidate& candidate, const GraspTrial& trial) = 0;
   /// Do parts of the hand that are apart in the preshape pass through each other in the trial's posture?

@@ -1,5 +1,6 @@
 #include "simulate/hand_fields.h"
 
+#include "core/error.h"
 #include "simulate/collision_models.h"
 
 #include <algorithm>
@@ -192,7 +193,7 @@ double firstTouch(const std::vector<const LinkGrid*>& grids, const PoseTable& ta
 }
 
 Lattice<std::uint32_t> firstTouchField(const std::vector<const LinkGrid*>& grids, const PoseTable& table, double step,
-                                       double blockRadius) {
+                                       double blockRadius, const std::atomic<bool>* cancel) {
   const double reach = 0.5 * std::sqrt(3.0) * step + blockRadius + 1e-5;
   AlignedBox3d box;
   for (const auto& poses : table) {
@@ -208,6 +209,7 @@ Lattice<std::uint32_t> firstTouchField(const std::vector<const LinkGrid*>& grids
   field.value.assign(field.index(0, 0, field.size[2]), Motion::kNever);
   for (int z = 0; z < field.size[2]; ++z) {
     for (int y = 0; y < field.size[1]; ++y) {
+      throwIfCancelled(cancel);
       for (int x = 0; x < field.size[0]; ++x) {
         const Vector3d p = field.node(x, y, z);
         const double first = firstTouch(grids, table, p, reach, false);
@@ -279,21 +281,19 @@ void walkColumn(const std::vector<std::pair<const LinkGrid*, Isometry3d>>& place
 
 /// The intervals of z above each column that lie inside a link for every point of the cell. `outer`: the same columns,
 /// with what may be covered.
-ColumnField innerColumns(const HandFields& fields, const PreshapeFields& preshape, const ColumnField& outer) {
+ColumnField innerColumns(const HandFields& fields, const PreshapeFields& preshape, const ColumnField& outer,
+                         const std::atomic<bool>* cancel) {
   constexpr double kStep = 1e-3;  // m
   ColumnField field = outer;
-  std::vector<Isometry3d> X_LG;
-  for (const int link : fields.links) X_LG.push_back((preshape.X_GH * preshape.X_HL[link]).inverse());
   const Lattice<float>& lattice = outer.top[0];
   const double radius = std::sqrt(0.5) * lattice.step + 0.5 * kStep;
   const auto isInside = [&](const Vector3d& p) {
-    for (std::size_t k = 0; k < X_LG.size(); ++k) {
-      if (fields.grids[fields.links[k]]->closed && fields.grids[fields.links[k]]->upperBound(X_LG[k] * p) + radius <= 0)
-        return true;
-    }
-    return false;
+    return std::any_of(fields.links.begin(), fields.links.end(), [&](int link) {
+      return fields.grids[link]->closed && fields.grids[link]->upperBound(preshape.X_LG[link] * p) + radius <= 0;
+    });
   };
   for (int y = 0; y < lattice.size[1]; ++y) {
+    throwIfCancelled(cancel);
     for (int x = 0; x < lattice.size[0]; ++x) {
       const std::size_t i = lattice.index(x, y, 0);
       std::vector<std::pair<float, float>> runs;  // bottom, top
@@ -336,15 +336,15 @@ bool moveAlike(const HandFields& fields, const Motion& a, const Motion& b) {
          std::equal(a.leaves.begin(), a.leaves.end(), b.leaves.begin(), b.leaves.end(), sameLeaf);
 }
 
-ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape, double step, double blockRadius) {
+ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape, double step, double blockRadius,
+                        const std::atomic<bool>* cancel) {
   const double reach = std::sqrt(0.5) * step + blockRadius + 1e-5;
   std::vector<std::pair<const LinkGrid*, Isometry3d>> placed;
   AlignedBox3d box;
   for (const int link : fields.links) {
-    const Isometry3d X_GL = preshape.X_GH * preshape.X_HL[link];
     const LinkGrid& grid = *fields.grids[link];
-    placed.emplace_back(&grid, X_GL.inverse());
-    const Vector3d c = X_GL * grid.center;
+    placed.emplace_back(&grid, preshape.X_LG[link]);
+    const Vector3d c = preshape.X_LG[link].inverse() * grid.center;
     box.extend(Vector3d(c.array() - grid.radius - reach)).extend(Vector3d(c.array() + grid.radius + reach));
   }
   ColumnField field;
@@ -363,6 +363,7 @@ ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape
   }
   std::vector<Interval> intervals;
   for (int y = 0; y < empty.size[1]; ++y) {
+    throwIfCancelled(cancel);
     for (int x = 0; x < empty.size[0]; ++x) {
       Vector3d start = empty.node(x, y, 0);
       start.z() = box.max().z();
@@ -387,17 +388,18 @@ Placement Placement::of(const Isometry3d& X) {
   return p;
 }
 
-HandFields::HandFields(const Hand& hand)
+HandFields::HandFields(const Hand& hand, const std::atomic<bool>* cancel)
     : links(solidLinks(hand)), grids(hand.links.size()), covers(hand.links.size()), models(hand) {
-  for (const int link : links) covers[link] = coverSurface(hand.links[link].mesh);
   for (const int link : links) {
+    throwIfCancelled(cancel);
+    covers[link] = coverSurface(hand.links[link].mesh);
     const TriangleMesh& mesh = hand.links[link].mesh;
     for (const int other : links) {
       const TriangleMesh& earlier = hand.links[other].mesh;
       if (other < link && earlier.triangles == mesh.triangles && earlier.vertices == mesh.vertices)
         grids[link] = grids[other];
     }
-    if (grids[link] == nullptr) grids[link] = std::make_shared<const LinkGrid>(mesh);
+    if (grids[link] == nullptr) grids[link] = std::make_shared<const LinkGrid>(mesh, cancel);
   }
   for (const ClosingJoint& closing : hand.closing) steps.push_back(makeClosingStep(hand, closing));
 
@@ -422,8 +424,8 @@ HandFields::HandFields(const Hand& hand)
       std::vector<const LinkGrid*> moved;
       for (const MotionLeaf& leaf : motion.leaves) moved.push_back(grids[leaf.link].get());
       motion.field = std::make_shared<const FirstTouch>(
-          FirstTouch{firstTouchField(moved, table, kFineStep, 0),
-                     firstTouchField(moved, table, kCoarseStep, Motion::kBlockRadius)});
+          FirstTouch{firstTouchField(moved, table, kFineStep, 0, cancel),
+                     firstTouchField(moved, table, kCoarseStep, Motion::kBlockRadius, cancel)});
     }
     motions.push_back(std::move(motion));
     return static_cast<int>(motions.size() - 1);
@@ -434,22 +436,29 @@ HandFields::HandFields(const Hand& hand)
     PreshapeFields preshape;
     preshape.X_HL = forwardKinematics(hand, q);
     preshape.X_GH = (preshape.X_HL[hand.palmLink] * hand.X_LG).inverse();
+    for (const Isometry3d& X_HL : preshape.X_HL) {
+      preshape.X_LG.push_back((preshape.X_GH * X_HL).inverse());
+      preshape.fromPalm.push_back(Placement::of(preshape.X_LG.back()));
+    }
     preshape.partPoints = partPoints(hand, preshape.X_HL);
     preshape.apart = models.apart(pairsThatMove(hand), preshape.X_HL);
-    preshape.fine = columnField(*this, preshape, kFineColumn, 0);
-    preshape.inner = innerColumns(*this, preshape, preshape.fine);
-    preshape.coarse = columnField(*this, preshape, kCoarseColumn, Motion::kBlockRadius);
+    preshape.fine = columnField(*this, preshape, kFineColumn, 0, cancel);
+    preshape.inner = innerColumns(*this, preshape, preshape.fine, cancel);
+    preshape.coarse = columnField(*this, preshape, kCoarseColumn, Motion::kBlockRadius, cancel);
     for (const ClosingStep& step : steps) {
       PreshapeFields::Step s;
-      s.together = addMotion(makeMotion(hand, step.together, q, false), q);
+      const auto addPart = [&](ClosingPart part, bool overWholeRange) {
+        s.motion[static_cast<std::size_t>(part)] = addMotion(makeMotion(hand, step.mover(part), q, overWholeRange), q);
+      };
+      addPart(ClosingPart::together, false);
       if (step.selfCentering && step.fixedLinks.empty()) {
-        s.alone = addMotion(makeMotion(hand, step.alone, q, false), q);
-        s.follower = addMotion(makeMotion(hand, step.follower, q, false), q);
+        addPart(ClosingPart::alone, false);
+        addPart(ClosingPart::follower, false);
       } else if (step.selfCentering) {
         const Vector3d axis = -(preshape.X_HL[hand.palmLink].linear() * hand.X_LG.linear().col(0));
         s.counterpart = addMotion(makeSlide(hand, step.fixedLinks, axis, preshape.X_HL), q);
       }
-      if (step.breakaway.joint >= 0) s.breakaway = addMotion(makeMotion(hand, step.breakaway, q, true), q);
+      if (step.breakaway.joint >= 0) addPart(ClosingPart::breakaway, true);
       preshape.steps.push_back(s);
     }
     preshapes.push_back(std::move(preshape));

@@ -5,6 +5,7 @@
 #include "simulate/link_grid.h"
 #include "simulate/object_shell.h"
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -79,9 +80,12 @@ struct PreshapeFields {
   ColumnField inner;  // what is covered for sure, for all points within half a cell
   std::vector<Eigen::Isometry3d> X_HL;
   Eigen::Isometry3d X_GH;
+  std::vector<Eigen::Isometry3d> X_LG;  // by link
+  std::vector<Placement> fromPalm;      // X_LG
   /// Indices into HandFields::motions for each closing step; -1: none.
   struct Step {
-    int together = -1, alone = -1, follower = -1, breakaway = -1, counterpart = -1;
+    std::array<int, 4> motion = {-1, -1, -1, -1};  // by ClosingPart
+    int counterpart = -1;
   };
   std::vector<Step> steps;
   std::vector<Eigen::Vector3d> partPoints;  // in H, one of each part of the hand that hangs together
@@ -93,7 +97,8 @@ struct PreshapeFields {
 /// @note Immutable; safe from many threads.
 class HandFields {
  public:
-  explicit HandFields(const Hand& hand);
+  /// @throws Cancelled  soon after `cancel` became true
+  explicit HandFields(const Hand& hand, const std::atomic<bool>* cancel = nullptr);
 
   std::vector<int> links;                              // with geometry
   std::vector<std::shared_ptr<const LinkGrid>> grids;  // by link, null without geometry; equal links share theirs

@@ -1,5 +1,6 @@
 #include "simulate/link_grid.h"
 
+#include "core/error.h"
 #include "mesh/mass_properties.h"
 #include "mesh/ray_scene.h"
 #include "simulate/contacts.h"
@@ -235,7 +236,7 @@ double signedVolume(const TriangleMesh& mesh) {
 
 }  // namespace
 
-LinkGrid::LinkGrid(const TriangleMesh& mesh) {
+LinkGrid::LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel) {
   const AlignedBox3d box = boundingBox(mesh);
   center = box.center();
   for (const Vector3d& p : mesh.vertices) radius = std::max(radius, (p - center).norm());
@@ -251,6 +252,7 @@ LinkGrid::LinkGrid(const TriangleMesh& mesh) {
   const RayScene scene(mesh);
   std::vector<std::vector<std::uint32_t>> bins(binBegin.index(0, 0, binBegin.size[2]));
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    throwIfCancelled(cancel);
     const Corners corners = mesh.corners(i);
     const bool hidden = closed && isHidden(scene, corners, mesh.normal(i));
     if (!hidden)
@@ -267,8 +269,11 @@ LinkGrid::LinkGrid(const TriangleMesh& mesh) {
     for (int k = 0; k < 3; ++k) triangle[9 + k].push_back(static_cast<float>(normal.back()[k]));
     triangle[12].push_back(static_cast<float>(normal.back().dot(corners[0])));
   }
+  throwIfCancelled(cancel);
   fillBeyondBand(distance);
+  throwIfCancelled(cancel);
   addSigns(scene, distance);
+  throwIfCancelled(cancel);
   if (!closed) {
     for (float& value : distance.value) value -= static_cast<float>(kOpenShrink * step);
   }

@@ -3,6 +3,7 @@
 #include "mesh/triangle_mesh.h"
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <vector>
 
@@ -36,7 +37,8 @@ struct LinkGrid {
   static constexpr double kReach = 3.5e-3;     // m, a bin lists the triangles that come this close to it
   static constexpr double kOpenShrink = 0.75;  // lattice steps
 
-  explicit LinkGrid(const TriangleMesh& mesh);
+  /// @throws Cancelled  soon after `cancel` became true
+  explicit LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel = nullptr);
 
   /// A lower bound of the signed distance at `p`, in the link frame, unless `p` lies deeper than kBand inside.
   double lowerBound(const Eigen::Vector3d& p) const;

@@ -38,14 +38,17 @@ class ReferencePolicy final : public GraspPolicy {
     queries_ = 0;
     trial = GraspTrial{};
     backOff(candidate, trial);
-    trial.jointPosition = hand_.preshapes[candidate.preshape].jointPosition;
-    trial.outcome = close(trial) ? GraspOutcome::notForceClosed : GraspOutcome::blockedCentering;
-    if (trial.outcome == GraspOutcome::notForceClosed) gatherContacts(trial);
-    constexpr std::size_t kFewestContacts = 3;
-    if (trial.outcome == GraspOutcome::notForceClosed && trial.contacts.size() < kFewestContacts) {
-      trial.outcome = GraspOutcome::tooFewContacts;
-    }
-    trial.collisionQueries = queries_;
+    closeAndGather(candidate.preshape, trial);
+  }
+
+  bool closeAt(const Isometry3d& X_OH, int preshape, GraspTrial& trial) override {
+    queries_ = 0;
+    trial = GraspTrial{};
+    trial.X_OH = X_OH;
+    likelyLink_ = solidLinks_[0];
+    if (handTouches(X_OH, preshape)) return false;
+    closeAndGather(preshape, trial);
+    return true;
   }
 
   bool approachIsClear(const GraspCandidate& candidate, const GraspTrial& trial) override {
@@ -69,7 +72,88 @@ class ReferencePolicy final : public GraspPolicy {
     });
   }
 
+  // What closeHand asks for.
+
+  /// Moves one joint in its direction until a link that it moves touches, or to its limit.
+  ClosingStop closeJoint(std::size_t step, ClosingPart part, GraspTrial& trial) {
+    const Mover& mover = steps_[step].mover(part);
+    const Isometry3d& X_OH = trial.X_OH;
+    Eigen::VectorXd& q = trial.jointPosition;
+    const HandJoint& joint = hand_.joints[mover.joint];
+    const bool turns = joint.type == JointType::revolute;
+    const double stride = turns ? settings_.angularStep : settings_.linearStep;
+    const double limit = mover.direction > 0 ? joint.upper : joint.lower;
+    ClosingStop stop{mover.joint, q[mover.joint], {}};
+    const auto posesAt = [&](double position) {
+      place(hand_, mover, position, q);
+      return forwardKinematics(hand_, q);
+    };
+    const auto touches = [&](double position) {
+      const std::vector<Isometry3d> X_HL = posesAt(position);
+      return std::any_of(mover.links.begin(), mover.links.end(),
+                         [&](int link) { return linkTouches(link, X_OH * X_HL[link]); });
+    };
+    while (mover.direction * (limit - stop.position) > 0) {
+      double next = stop.position + mover.direction * stride;
+      if (mover.direction * (limit - next) < 0) next = limit;
+      if (touches(next)) {
+        const double tolerance = turns ? settings_.angularTolerance : settings_.linearTolerance;
+        stop.position = bisect(next, stop.position, tolerance, touches);
+        const std::vector<Isometry3d> X_HL = posesAt(stop.position + mover.direction * tolerance);
+        for (const int link : mover.links) {
+          if (linkTouches(link, X_OH * X_HL[link])) stop.links.push_back(link);
+        }
+        break;
+      }
+      stop.position = next;
+    }
+    place(hand_, mover, stop.position, q);
+    return stop;
+  }
+
+  /// One jaw against a fixed counterpart: the hand slides along its closing axis, palm where it is, until the
+  /// counterpart (any link that this joint does not move) touches. Where it finds nothing the hand stays.
+  void bringUpCounterpart(std::size_t step, GraspTrial& trial) {
+    const std::vector<int>& fixed = steps_[step].fixedLinks;
+    const std::vector<Isometry3d> X_HL = forwardKinematics(hand_, trial.jointPosition);
+    const Vector3d axis = -(trial.X_OH.linear() * (X_HL[hand_.palmLink].linear() * hand_.X_LG.linear().col(0)));
+    const auto touches = [&](double slide) {
+      const Isometry3d X_OH = Eigen::Translation3d(slide * axis) * trial.X_OH;
+      return std::any_of(fixed.begin(), fixed.end(), [&](int link) { return linkTouches(link, X_OH * X_HL[link]); });
+    };
+    double slide = 0;
+    do slide += settings_.linearStep;
+    while (slide < kLongestSlide && !touches(slide));
+    if (slide >= kLongestSlide) return;
+    slide = bisect(slide, slide - settings_.linearStep, settings_.linearTolerance, touches);
+    trial.centering += slide * axis;
+    trial.X_OH.translation() += slide * axis;
+  }
+
+  void setPosture(const Eigen::VectorXd&) {}
+
+  /// After centring: does a link that is not a jaw of this step touch?
+  bool restTouches(const ClosingStep& step, const GraspTrial& trial) {
+    const std::vector<Isometry3d> X_HL = forwardKinematics(hand_, trial.jointPosition);
+    return std::any_of(solidLinks_.begin(), solidLinks_.end(), [&](int link) {
+      const auto& jaws = step.together.links;
+      return std::find(jaws.begin(), jaws.end(), link) == jaws.end() && linkTouches(link, trial.X_OH * X_HL[link]);
+    });
+  }
+
  private:
+  void closeAndGather(int preshape, GraspTrial& trial) {
+    trial.jointPosition = hand_.preshapes[preshape].jointPosition;
+    trial.outcome =
+        closeHand(hand_, steps_, *this, trial) ? GraspOutcome::notForceClosed : GraspOutcome::blockedCentering;
+    if (trial.outcome == GraspOutcome::notForceClosed) gatherContacts(trial);
+    constexpr std::size_t kFewestContacts = 3;
+    if (trial.outcome == GraspOutcome::notForceClosed && trial.contacts.size() < kFewestContacts) {
+      trial.outcome = GraspOutcome::tooFewContacts;
+    }
+    trial.collisionQueries = queries_;
+  }
+
   PreparedPreshape preparePreshape(const Preshape& preshape) const {
     PreparedPreshape prepared;
     prepared.X_HL = forwardKinematics(hand_, preshape.jointPosition);
@@ -89,11 +173,10 @@ class ReferencePolicy final : public GraspPolicy {
            preshapes_[candidate.preshape].X_GH;
   }
 
-  /// The hand in its preshape at back-off t: surfaces first, the link that touched last before the others, then
+  /// The hand in its preshape at X_OH: surfaces first, the link that touched last before the others, then
   /// containment.
-  bool handTouchesAt(const GraspCandidate& candidate, double t) {
-    const Isometry3d X_OH = handPoseAt(candidate, t);
-    const auto& X_HL = preshapes_[candidate.preshape].X_HL;
+  bool handTouches(const Isometry3d& X_OH, int preshape) {
+    const auto& X_HL = preshapes_[preshape].X_HL;
     if (linkTouches(likelyLink_, X_OH * X_HL[likelyLink_])) return true;
     for (const int link : solidLinks_) {
       if (link != likelyLink_ && linkTouches(link, X_OH * X_HL[link])) {
@@ -103,6 +186,10 @@ class ReferencePolicy final : public GraspPolicy {
     }
     return std::any_of(solidLinks_.begin(), solidLinks_.end(),
                        [&](int link) { return models_->isContained(link, X_OH * X_HL[link]); });
+  }
+
+  bool handTouchesAt(const GraspCandidate& candidate, double t) {
+    return handTouches(handPoseAt(candidate, t), candidate.preshape);
   }
 
   /// A back-off from which on the hand is past the object: every point of the hand behind every point of the object.
@@ -160,110 +247,6 @@ class ReferencePolicy final : public GraspPolicy {
         kind_ == PolicyKind::surfaceNormal ? firstFree(candidate, settings_.startBackoff) : lastFree(candidate);
     if (standoff > 0) trial.backoff = firstFree(candidate, trial.backoff + standoff);
     trial.X_OH = handPoseAt(candidate, trial.backoff);
-  }
-
-  /// Moves one joint in its direction until a link that it moves touches, or to its limit.
-  ClosingStop closeJoint(const Mover& mover, const Isometry3d& X_OH, Eigen::VectorXd& q) {
-    const HandJoint& joint = hand_.joints[mover.joint];
-    const bool turns = joint.type == JointType::revolute;
-    const double step = turns ? settings_.angularStep : settings_.linearStep;
-    const double limit = mover.direction > 0 ? joint.upper : joint.lower;
-    ClosingStop stop{mover.joint, q[mover.joint], {}};
-    const auto posesAt = [&](double position) {
-      place(hand_, mover, position, q);
-      return forwardKinematics(hand_, q);
-    };
-    const auto touches = [&](double position) {
-      const std::vector<Isometry3d> X_HL = posesAt(position);
-      return std::any_of(mover.links.begin(), mover.links.end(),
-                         [&](int link) { return linkTouches(link, X_OH * X_HL[link]); });
-    };
-    while (mover.direction * (limit - stop.position) > 0) {
-      double next = stop.position + mover.direction * step;
-      if (mover.direction * (limit - next) < 0) next = limit;
-      if (touches(next)) {
-        const double tolerance = turns ? settings_.angularTolerance : settings_.linearTolerance;
-        stop.position = bisect(next, stop.position, tolerance, touches);
-        const std::vector<Isometry3d> X_HL = posesAt(stop.position + mover.direction * tolerance);
-        for (const int link : mover.links) {
-          if (linkTouches(link, X_OH * X_HL[link])) stop.links.push_back(link);
-        }
-        break;
-      }
-      stop.position = next;
-    }
-    place(hand_, mover, stop.position, q);
-    return stop;
-  }
-
-  /// Closes every finger in the hand's order. False: a self-centring jaw is blocked.
-  bool close(GraspTrial& trial) {
-    for (const ClosingStep& step : steps_) {
-      if (step.selfCentering && step.fixedLinks.empty()) {
-        if (!closeCentering(step, trial)) return false;
-        continue;
-      }
-      if (step.selfCentering) bringUpCounterpart(step, trial);
-      trial.stops.push_back(closeJoint(step.together, trial.X_OH, trial.jointPosition));
-      const std::vector<int>& stopped = trial.stops.back().links;
-      const auto isBeforeBreakaway = [&](int link) {
-        const auto& outer = step.breakaway.links;
-        return std::find(outer.begin(), outer.end(), link) == outer.end();
-      };
-      // The clutch opens when the proximal link is stopped; a finger stopped by its distal link stays coupled.
-      if (step.breakaway.joint >= 0 && std::any_of(stopped.begin(), stopped.end(), isBeforeBreakaway)) {
-        trial.stops.push_back(closeJoint(step.breakaway, trial.X_OH, trial.jointPosition));
-      }
-    }
-    return true;
-  }
-
-  /// Both jaws close until each touches; then the hand moves by half the difference so that they are coupled again,
-  /// with the jaws where they were on the object. A jaw that finds nothing: both close coupled, as the URDF says.
-  bool closeCentering(const ClosingStep& step, GraspTrial& trial) {
-    Eigen::VectorXd& q = trial.jointPosition;
-    const Eigen::VectorXd before = q;
-    const ClosingStop first = closeJoint(step.alone, trial.X_OH, q);
-    const ClosingStop second = closeJoint(step.follower, trial.X_OH, q);
-    if (first.links.empty() || second.links.empty()) {
-      q = before;
-      trial.stops.push_back(closeJoint(step.together, trial.X_OH, q));
-      return true;
-    }
-    trial.stops.push_back(first);
-    trial.stops.push_back(second);
-    const Vector3d shift = trial.X_OH.linear() * centerJaws(hand_, step, q);
-    trial.centering += shift;
-    trial.X_OH.translation() += shift;
-    return !restTouches(step, trial);
-  }
-
-  /// One jaw against a fixed counterpart: the hand slides along its closing axis, palm where it is, until the
-  /// counterpart (any link that this joint does not move) touches. Where it finds nothing the hand stays.
-  void bringUpCounterpart(const ClosingStep& step, GraspTrial& trial) {
-    const std::vector<Isometry3d> X_HL = forwardKinematics(hand_, trial.jointPosition);
-    const Vector3d axis = -(trial.X_OH.linear() * (X_HL[hand_.palmLink].linear() * hand_.X_LG.linear().col(0)));
-    const auto touches = [&](double slide) {
-      const Isometry3d X_OH = Eigen::Translation3d(slide * axis) * trial.X_OH;
-      return std::any_of(step.fixedLinks.begin(), step.fixedLinks.end(),
-                         [&](int link) { return linkTouches(link, X_OH * X_HL[link]); });
-    };
-    double slide = 0;
-    do slide += settings_.linearStep;
-    while (slide < kLongestSlide && !touches(slide));
-    if (slide >= kLongestSlide) return;
-    slide = bisect(slide, slide - settings_.linearStep, settings_.linearTolerance, touches);
-    trial.centering += slide * axis;
-    trial.X_OH.translation() += slide * axis;
-  }
-
-  /// After centring: does a link that is not a jaw of this step touch?
-  bool restTouches(const ClosingStep& step, const GraspTrial& trial) {
-    const std::vector<Isometry3d> X_HL = forwardKinematics(hand_, trial.jointPosition);
-    return std::any_of(solidLinks_.begin(), solidLinks_.end(), [&](int link) {
-      const auto& jaws = step.together.links;
-      return std::find(jaws.begin(), jaws.end(), link) == jaws.end() && linkTouches(link, trial.X_OH * X_HL[link]);
-    });
   }
 
   void gatherContacts(GraspTrial& trial) {

@@ -19,6 +19,10 @@ class GivenContacts final : public GraspPolicy {
     trial.contacts = *contacts_;
     trial.outcome = contacts_->size() < 3 ? GraspOutcome::tooFewContacts : GraspOutcome::notForceClosed;
   }
+  bool closeAt(const Eigen::Isometry3d&, int, GraspTrial& trial) override {
+    run({}, trial);
+    return true;
+  }
   bool approachIsClear(const GraspCandidate&, const GraspTrial&) override { return true; }
   bool selfCollides(const GraspCandidate&, const GraspTrial&) override { return false; }
   std::unique_ptr<GraspPolicy> clone() const override { return std::make_unique<GivenContacts>(*this); }

@@ -8,3 +8,11 @@
 #define HANDHOLD_SANITIZED 1
 #endif
 #endif
+
+namespace handhold::testing {
+#ifdef HANDHOLD_SANITIZED
+inline constexpr bool kSanitized = true;
+#else
+inline constexpr bool kSanitized = false;
+#endif
+}  // namespace handhold::testing
