@@ -28,6 +28,9 @@ int runRender(const std::string& set, const std::string& output);
 /// `--trial`: what happened to one candidate, step by step, on stdout.
 int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std::size_t trial);
 
+/// What the contacts of such a torsion radius are, in words.
+std::string contactModel(double torsionRadius);
+
 /// The table that `build` and `list` print: a row a set.
 std::string summaryTable(const std::vector<GraspSetSummary>& summaries);
 

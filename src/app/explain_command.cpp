@@ -36,7 +36,7 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
   const auto policy = makePolicy(job, hand, object.model, fields);
   Evaluation result;
   StageSeconds seconds;
-  Cones cones(wrenchModel(job, item, object.model));
+  Cones cones(wrenchModel(job, item, object.model, hand));
   evaluate(*policy, candidate, cones, result, seconds);
 
   const std::size_t preshapes = hand.preshapes.size();
@@ -57,8 +57,9 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
              text(result.trial.X_OH.translation()), q.x(), q.y(), q.z(), q.w());
   fmt::print("{} contacts (normals into the object):\n", result.trial.contacts.size());
   for (const Contact& contact : result.trial.contacts) printContact(hand, contact);
-  fmt::print("outcome {}, epsilon {:.6f} (friction {}, {} cone edges)\n",
-             kOutcomeNames[static_cast<int>(result.trial.outcome)], result.epsilon, item.friction, job.coneEdges);
+  fmt::print("outcome {}, epsilon {:.6f} (contacts are {}; friction {}, {} cone edges)\n",
+             kOutcomeNames[static_cast<int>(result.trial.outcome)], result.epsilon, contactModel(hand.torsionRadius),
+             item.friction, job.coneEdges);
   if (result.trial.outcome == GraspOutcome::forceClosed) {
     fmt::print("on the true cone epsilon is {:.6f} to {:.6f}, and force closure needs friction {:.4f}\n",
                result.bounds.lower, result.bounds.upper, result.criticalFriction);
@@ -67,9 +68,10 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
   if (result.trial.outcome == GraspOutcome::notForceClosed) {
     const auto& d = result.forceClosure.separatingDirection;
     fmt::print(
-        "no contact force has a positive component along this wrench (force; torque / {:.4f} m): "
+        "no {} has a positive component along this wrench (force; torque / {:.4f} m): "
         "({:.3f}, {:.3f}, {:.3f}; {:.3f}, {:.3f}, {:.3f})\n",
-        object.model.mass.radius, d[0], d[1], d[2], d[3], d[4], d[5]);
+        hand.torsionRadius > 0 ? "contact force or moment" : "contact force", object.model.mass.radius, d[0], d[1],
+        d[2], d[3], d[4], d[5]);
   }
   fmt::print("{} collision tests, {:.2f} ms\n", result.trial.collisionQueries,
              1e3 * (seconds.policy + seconds.forceClosure + seconds.epsilon + seconds.approach + seconds.bounds));

@@ -83,6 +83,7 @@ int runHand(const std::string& path, bool initialise, const PackagePaths& packag
   fmt::print("palm in link {}: position {} m, approach {}, closing {}\n", hand.links[hand.palmLink].name,
              text(X_LG.translation()), text(X_LG.linear().col(2)), text(X_LG.linear().col(0)));
   printClosing(hand);
+  fmt::print("contacts are {}\n", contactModel(hand.torsionRadius));
   const HandCheck check = checkHand(hand, sphereRadius);
   fmt::print("palm point: the surface of its link is {:.2f} mm above it\n", 1e3 * check.palmHeight);
   for (const PreshapeCheck& preshape : check.preshapes) {

@@ -63,6 +63,8 @@ nlohmann::ordered_json toJson(const GraspSetSummary& s) {
           {"policy", s.policy},
           {"friction", s.friction},
           {"cone_edges", s.coneEdges},
+          {"contact_model", s.torsionRadius > 0 ? "soft_finger" : "point"},
+          {"torsion_radius", s.torsionRadius},
           {"watertight", s.watertight},
           {"notes", s.objectNotes},
           {"input_hash", s.inputHash},
@@ -78,6 +80,7 @@ void printInfo(const GraspSetSummary& s) {
   fmt::print("  made by     {} on {} at {}\n", s.generator, s.host, s.created);
   fmt::print("  input hash  {}\n", s.inputHash);
   fmt::print("  policy      {}, friction {}, {} cone edges\n", s.policy, s.friction, s.coneEdges);
+  fmt::print("  contacts    {}\n", contactModel(s.torsionRadius));
   fmt::print("  object      {}\n", s.watertight ? "watertight" : "open surface");
   for (const std::string& note : s.objectNotes) fmt::print("              {}\n", note);
   fmt::print("  trials      {} samples x {} rolls x {} preshapes = {}\n", s.samples, s.rolls, s.preshapes,
@@ -108,7 +111,7 @@ std::vector<Column> occurringOutcomes(const std::vector<GraspSetSummary>& summar
   static const std::vector<Column> kKnown = {
       {"force_closed", "FC %", "trials that end force closed"},
       {"not_force_closed", "not FC %", "contacts that cannot resist every wrench"},
-      {"too_few_contacts", "few %", "fewer than three contact points"},
+      {"too_few_contacts", "few %", "fewer contacts than force closure takes: three points, two soft fingers"},
       {"blocked_centering", "blocked %", "a jaw that centres itself would push the hand into the object"},
       {"self_collision", "self %", "force closed, but parts of the hand pass through each other"},
       {"solve_failed", "solve %", "force closure or epsilon could not be computed"},
@@ -131,6 +134,10 @@ std::vector<Column> occurringOutcomes(const std::vector<GraspSetSummary>& summar
 }
 
 }  // namespace
+
+std::string contactModel(double torsionRadius) {
+  return torsionRadius > 0 ? fmt::format("soft fingers, torsion radius {} m", torsionRadius) : "points";
+}
 
 std::string summaryTable(const std::vector<GraspSetSummary>& summaries) {
   if (summaries.empty()) return "";

@@ -75,6 +75,7 @@ void setParameters(const Job& job, const WrenchModel& model, GraspSet& set) {
   set.friction = model.friction;
   set.torqueScale = model.torqueScale;
   set.coneEdges = model.coneEdges;
+  set.torsionRadius = model.torsionRadius;
   set.contactDistance = job.contactDistance;
   set.seed = job.seed;
   set.rolls = job.rolls;
@@ -258,8 +259,8 @@ std::unique_ptr<GraspPolicy> makePolicy(const Job& job, const Hand& hand, const 
              : makeFastPolicy(fields, hand, object, job.policy, policySettings(job));
 }
 
-WrenchModel wrenchModel(const Job& job, const CatalogItem& item, const ObjectModel& object) {
-  return {object.mass.centerOfMass, object.mass.radius, item.friction, job.coneEdges};
+WrenchModel wrenchModel(const Job& job, const CatalogItem& item, const ObjectModel& object, const Hand& hand) {
+  return {object.mass.centerOfMass, object.mass.radius, item.friction, job.coneEdges, hand.torsionRadius};
 }
 
 GraspCandidate candidateAt(const Job& job, const SurfaceSamples& samples, const Hand& hand, std::size_t trial) {
@@ -277,7 +278,7 @@ std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, co
                                  const std::string& inputHash, const std::shared_ptr<const HandFields>& fields,
                                  const JobSystem& jobs, BuildCounters& counters, const std::atomic<bool>& cancel) {
   GraspSet set;
-  const WrenchModel model = wrenchModel(job, *object.item, object.model);
+  const WrenchModel model = wrenchModel(job, *object.item, object.model, hand);
   setObject(object, set);
   setHand(hand, set);
   setParameters(job, model, set);

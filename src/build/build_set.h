@@ -38,7 +38,8 @@ std::string inputHash(const Job& job, const CatalogItem& item, const std::string
 std::unique_ptr<GraspPolicy> makePolicy(const Job& job, const Hand& hand, const ObjectModel& object,
                                         const std::shared_ptr<const HandFields>& fields);
 
-WrenchModel wrenchModel(const Job& job, const CatalogItem& item, const ObjectModel& object);
+/// How the contacts of a hand on an object become wrenches.
+WrenchModel wrenchModel(const Job& job, const CatalogItem& item, const ObjectModel& object, const Hand& hand);
 
 /// Candidate `trial` of N*R*M, in the order (sample, roll, preshape), rows first.
 GraspCandidate candidateAt(const Job& job, const SurfaceSamples& samples, const Hand& hand, std::size_t trial);

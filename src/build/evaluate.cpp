@@ -32,6 +32,9 @@ void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones
   policy.run(candidate, result.trial);
   clock.addTo(seconds.policy);
   GraspTrial& trial = result.trial;
+  if (trial.outcome == GraspOutcome::notForceClosed && trial.contacts.size() < cones.fewestContacts) {
+    trial.outcome = GraspOutcome::tooFewContacts;
+  }
   result.approachClear = false;
   result.bounds = {};
   result.criticalFriction = kNotEvaluated;

@@ -20,7 +20,8 @@ struct Evaluation {
 
 /// What a worker makes of contacts.
 struct Cones {
-  explicit Cones(const WrenchModel& model) : linearised(model), exact(model) {}
+  explicit Cones(const WrenchModel& model) : fewestContacts(model.fewestContacts()), linearised(model), exact(model) {}
+  std::size_t fewestContacts;  // contacts, below which nothing is asked
   FrictionCones linearised;
   TrueCones exact;
 };

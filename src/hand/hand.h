@@ -66,6 +66,7 @@ struct Hand {
   Eigen::Vector3d p_LT = Eigen::Vector3d::Zero();  // tool centre point in the tcp link
   std::vector<Preshape> preshapes;
   std::vector<ClosingJoint> closing;
+  double torsionRadius = 0;          // e [m] of soft fingers; 0: point contacts
   std::string urdfText, configText;  // as read, for the database
   std::string contentHash;           // of both texts and every mesh
   std::vector<std::string> notes;    // what was found, a sentence each

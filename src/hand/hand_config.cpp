@@ -130,6 +130,23 @@ void readContactLinks(const YamlValue& value, Hand& hand) {
   for (const YamlValue& item : value.items()) hand.links[linkIndex(hand, item)].contactAllowed = true;
 }
 
+void readContact(const YamlValue& contact, Hand& hand) {
+  constexpr double kLargest = 0.1;  // m, of what a hand presses with
+  contact.allowKeys({"model", "torsion_radius"});
+  const YamlValue& model = contact.require("model");
+  if (model.text() != "point" && model.text() != "soft_finger") model.refuse("point or soft_finger");
+  if (model.text() == "point") {
+    const YamlValue* radius = contact.find("torsion_radius");
+    if (radius != nullptr) radius->fail("is given with model point, want it with soft_finger alone");
+    return;
+  }
+  const YamlValue& radius = contact.require("torsion_radius");
+  hand.torsionRadius = radius.number();
+  if (hand.torsionRadius <= 0 || hand.torsionRadius > kLargest) {
+    radius.refuse(fmt::format("a number of metres > 0 and at most {}", kLargest));
+  }
+}
+
 void readPreshapes(const YamlValue& list, Hand& hand) {
   for (const YamlValue& entry : list.items()) {
     hand.preshapes.push_back(readPreshape(entry, hand));
@@ -157,7 +174,8 @@ Hand loadHand(const std::string& path, const PackagePaths& packages) {
   Hand hand;
   hand.configText = readFile(file);
   const YamlValue top = YamlValue::parseText(hand.configText, file.string());
-  top.allowKeys({"urdf", "root_link", "palm", "tcp", "preshapes", "closing", "contact_links", "ignore_links"});
+  top.allowKeys(
+      {"urdf", "root_link", "palm", "tcp", "preshapes", "closing", "contact_links", "ignore_links", "contact"});
   hand.name = fs::absolute(file).lexically_normal().parent_path().filename().string();
   requireName(hand.name, file.string(), "the hand's folder");
 
@@ -189,6 +207,7 @@ Hand loadHand(const std::string& path, const PackagePaths& packages) {
   }
   if (hand.closing.empty()) top.require("closing").refuse("at least one joint that closes");
   if (const YamlValue* contactLinks = top.find("contact_links")) readContactLinks(*contactLinks, hand);
+  if (const YamlValue* contact = top.find("contact")) readContact(*contact, hand);
   requireGeometry(hand, top);
 
   ContentHash hash;
@@ -218,7 +237,9 @@ std::string initialHandConfig(const std::string& urdfPath, const PackagePaths& p
       "preshapes:\n"
       "  - {{name: open, joints: {{{2}}}}}\n"
       "closing:\n{3}"
-      "contact_links: all\n",
+      "contact_links: all\n"
+      "# Fingertips that transmit a moment about the contact normal, up to friction x torsion_radius x normal force:\n"
+      "# contact: {{model: soft_finger, torsion_radius: METRES}}\n",
       fs::path(urdfPath).filename().string(), hand.links[0].name, joints, closing);
 }
 

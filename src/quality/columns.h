@@ -25,8 +25,11 @@ const char* name(InstructionSet set);
 ForceClosureResult testForceClosure(const WrenchView& wrenches, InstructionSet set);
 double epsilonMetric(const WrenchView& wrenches, const ForceClosureResult& closure, InstructionSet set);
 
+/// Eight wrenches, coordinate by coordinate: [k][l] is coordinate k of wrench l.
+using EightWrenches = std::array<std::array<double, 8>, 6>;
+
 struct alignas(64) ColumnBlock {
-  std::array<std::array<double, 8>, 6> w;  // [k][l]: coordinate k of column 8 b + l
+  EightWrenches w;  // columns 8 b to 8 b + 7
 };
 
 /// The columns; the last block is filled up with column 0.
@@ -70,27 +73,48 @@ HANDHOLD_INLINE Lanes<W> coordinate(const ColumnBlock& block, int k) {
   return Lanes<W>::load(block.w[k].data());
 }
 
-/// The column that reaches farthest along d, the lowest index among equals; none when no product is a number.
+/// d . w of eight wrenches.
 template <int W>
-HANDHOLD_INLINE Support supportColumn(const Columns& columns, const double* d) {
-  Lanes<W> best = Lanes<W>::all(-HUGE_VAL);
-  Lanes<W> bestBlock = Lanes<W>::all(0);
-  Lanes<W> block = Lanes<W>::all(0);
-  for (int b = 0; b < columns.nBlocks; ++b) {
-    const ColumnBlock& w = columns.blocks[b];
-    const Lanes<W> value = ((coordinate<W>(w, 0) * d[0] + coordinate<W>(w, 1) * d[1]) +
-                            (coordinate<W>(w, 2) * d[2] + coordinate<W>(w, 3) * d[3])) +
-                           (coordinate<W>(w, 4) * d[4] + coordinate<W>(w, 5) * d[5]);
+HANDHOLD_INLINE Lanes<W> product(const EightWrenches& w, const double* d) {
+  const Lanes<W> first = Lanes<W>::load(w[0].data()) * d[0] + Lanes<W>::load(w[1].data()) * d[1];
+  const Lanes<W> second = Lanes<W>::load(w[2].data()) * d[2] + Lanes<W>::load(w[3].data()) * d[3];
+  const Lanes<W> third = Lanes<W>::load(w[4].data()) * d[4] + Lanes<W>::load(w[5].data()) * d[5];
+  return (first + second) + third;
+}
+
+/// The largest of values that come eight at a time.
+template <int W>
+struct Largest {
+  Lanes<W> best, bestBlock, block;
+
+  HANDHOLD_INLINE static Largest none() {
+    const Lanes<W> zero = Lanes<W>::all(0);
+    return {Lanes<W>::all(-HUGE_VAL), zero, zero};
+  }
+
+  HANDHOLD_INLINE void add(const Lanes<W>& value) {
     const auto better = value > best;
     best = select(better, value, best);
     bestBlock = select(better, block, bestBlock);
     block = block + Lanes<W>::all(1);
   }
-  const double value = largest(best);
-  if (value == -HUGE_VAL) return {};
-  const Lanes<W> index = bestBlock * 8.0 + laneNumbers<W>();
-  const auto isBest = best == Lanes<W>::all(value);
-  return {static_cast<int>(least(select(isBest, index, Lanes<W>::all(HUGE_VAL)))), value};
+
+  /// With the number of the value, the lowest among equals; -1 when no value is a number.
+  HANDHOLD_INLINE Support support() const {
+    const double value = largest(best);
+    if (value == -HUGE_VAL) return {};
+    const Lanes<W> index = bestBlock * 8.0 + laneNumbers<W>();
+    const auto isBest = best == Lanes<W>::all(value);
+    return {static_cast<int>(least(select(isBest, index, Lanes<W>::all(HUGE_VAL)))), value};
+  }
+};
+
+/// The column that reaches farthest along d.
+template <int W>
+HANDHOLD_INLINE Support supportColumn(const Columns& columns, const double* d) {
+  auto farthest = Largest<W>::none();
+  for (int b = 0; b < columns.nBlocks; ++b) farthest.add(product<W>(columns.blocks[b].w, d));
+  return farthest.support();
 }
 
 }  // namespace handhold::polar

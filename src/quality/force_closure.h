@@ -3,6 +3,7 @@
 #include "quality/contact.h"
 
 #include <array>
+#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -16,12 +17,17 @@ using WrenchMatrix = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 /// A WrenchMatrix, some of its columns in a row, or columns that lie elsewhere one after another.
 using WrenchView = Eigen::Ref<const WrenchMatrix, 0, Eigen::OuterStride<6>>;
 
-/// How contacts become wrenches.
+/// How contacts become wrenches. A point contact transmits a force f, |f_t| <= mu f_n. A soft finger transmits a moment
+/// tau about the normal beside it,  |f_t|^2 / mu^2 + tau^2 / (mu e)^2 <= f_n^2  (Howe, Cutkosky 1996).
 struct WrenchModel {
   Eigen::Vector3d centerOfMass = Eigen::Vector3d::Zero();  // c [m]
   double torqueScale = 1;                                  // s [m], largest distance of the surface from c
   double friction = 0.4;                                   // mu of Coulomb's law
-  int coneEdges = 8;                                       // m >= 3 generators of a linearised cone
+  int coneEdges = 8;                                       // m >= 3 edges of a linearised cone
+  double torsionRadius = 0;                                // e [m] of soft fingers; 0: point contacts
+
+  /// With fewer no set of contacts is force closed: three points, two soft fingers (Nguyen 1987).
+  std::size_t fewestContacts() const { return torsionRadius > 0 ? 2 : 3; }
 };
 
 /// The generators of all friction cones, contact by contact:
@@ -29,8 +35,9 @@ struct WrenchModel {
 ///     f_ij = n_i + mu (cos(2 pi j / m) t_i + sin(2 pi j / m) b_i),    w_ij = (f_ij; (p_i - c) x f_ij / s)       (1)
 ///
 /// Each generator has normal component 1 (L1 model). t_i, b_i follow from n_i alone (Duff et al. 2017, "Building an
-/// Orthonormal Basis, Revisited").
-/// @return (6, nContacts m), column m i + j; NaN where a contact has NaN
+/// Orthonormal Basis, Revisited"). Soft fingers have 3 m + 2 generators each, points of the ellipsoid of (10): the m
+/// edges, m at 45 degrees on either side of them, and the two moments mu e alone.
+/// @return (6, nContacts m), column m i + j, or (6, nContacts (3 m + 2)); NaN where a contact has NaN
 /// @note   Const; safe from many threads. Allocates the result only.
 WrenchMatrix frictionConeWrenches(std::span<const Contact> contacts, const WrenchModel& model);
 
@@ -44,7 +51,7 @@ class FrictionCones {
 
  private:
   WrenchModel model_;
-  std::vector<Eigen::Vector2d> edges_;  // mu cos, mu sin
+  std::vector<Eigen::Vector3d> generators_;  // along t, b, and e n / s
   std::vector<double> columns_;
 };
 

@@ -24,9 +24,11 @@ namespace {
 
 using lanes::Lanes;
 using polar::Array8;
+using polar::EightWrenches;
 using polar::InstructionSet;
 using polar::Phase1;
 using polar::Phase1End;
+using polar::product;
 using polar::Vector6;
 using Block = TrueCones::Block;
 
@@ -34,32 +36,52 @@ constexpr int kAttempts = 8;      // mixtures w0 tried before a set is given up
 constexpr int kPivotLimit = 200;  // 7 to 15 pivots are usual; more within 1e-4 of the critical friction
 
 /// The cones of one set of contacts at one friction.
-struct Cones {
+struct ContactCones {
   const Block* blocks;
   int nBlocks;
   int n;
   double friction;
-  double radius;  // R, no less than the longest wrench of K(mu); not finite when a contact is not
+  double torsion;  // e / s; 0: point contacts
+  double radius;   // R, no less than the longest wrench of K(mu); not finite when a contact is not
 };
 
-/// Where K(mu) reaches farthest along a direction: c_i + mu (x t_i + y b_i).
+/// From the middle of a contact's ball: the wrench c_i + mu (x t_i + y b_i + z r_i).
+struct Offset {
+  double x = 0, y = 0, z = 0;  // z is 0 of point contacts
+};
+
+/// Where K(mu) reaches farthest along a direction.
 struct Reach {
   int contact = -1;
   double value = -HUGE_VAL;
-  double x = 0, y = 0;
+  Offset offset;
 };
 
-template <int W>
-HANDHOLD_INLINE Lanes<W> product(const std::array<std::array<double, 8>, 6>& w, const double* d) {
-  const auto term = [&](int k) { return Lanes<W>::load(w[k].data()) * d[k]; };
-  return ((term(0) + term(1)) + (term(2) + term(3))) + (term(4) + term(5));
+/// d . w of one lane, the same sum as polar::product.
+HANDHOLD_INLINE double productAt(const EightWrenches& w, int lane, const double* d) {
+  return ((w[0][lane] * d[0] + w[1][lane] * d[1]) + (w[2][lane] * d[2] + w[3][lane] * d[3])) +
+         (w[4][lane] * d[4] + w[5][lane] * d[5]);
 }
 
-/// The same sum of one lane.
-HANDHOLD_INLINE double productAt(const std::array<std::array<double, 8>, 6>& w, int lane, const double* d) {
-  const auto term = [&](int k) { return w[k][lane] * d[k]; };
-  return ((term(0) + term(1)) + (term(2) + term(3))) + (term(4) + term(5));
+/// d . r_i; r_i = (0; e n_i / s) is made from the normal, which is the force of c_i.
+template <int W>
+HANDHOLD_INLINE Lanes<W> torsionProduct(const ContactCones& cones, const Block& block, const double* d) {
+  const EightWrenches& n = block.center;
+  return ((Lanes<W>::load(n[0].data()) * d[3] + Lanes<W>::load(n[1].data()) * d[4]) +
+          Lanes<W>::load(n[2].data()) * d[5]) *
+         cones.torsion;
 }
+
+/// (d . t_i, d . b_i, d . r_i) of one contact.
+HANDHOLD_INLINE Offset pullAt(const ContactCones& cones, int contact, const double* d) {
+  const Block& block = cones.blocks[contact / 8];
+  const int lane = contact % 8;
+  const EightWrenches& n = block.center;
+  return {productAt(block.t, lane, d), productAt(block.b, lane, d),
+          ((n[0][lane] * d[3] + n[1][lane] * d[4]) + n[2][lane] * d[5]) * cones.torsion};
+}
+
+HANDHOLD_INLINE double length(const Offset& p) { return std::sqrt((p.x * p.x + p.y * p.y) + p.z * p.z); }
 
 template <int W>
 HANDHOLD_INLINE Lanes<W> squareRoot(const Lanes<W>& a) {
@@ -71,48 +93,47 @@ HANDHOLD_INLINE Lanes<W> squareRoot(const Lanes<W>& a) {
 
 /// h(d) and its point, equation (11); the lowest contact among equals, none when no product is a number.
 template <int W>
-HANDHOLD_INLINE Reach farthest(const Cones& cones, const double* d) {
-  Lanes<W> best = Lanes<W>::all(-HUGE_VAL);
-  Lanes<W> bestBlock = Lanes<W>::all(0);
-  Lanes<W> block = Lanes<W>::all(0);
+HANDHOLD_INLINE Reach farthest(const ContactCones& cones, const double* d) {
+  auto largest = polar::Largest<W>::none();
   for (int i = 0; i < cones.nBlocks; ++i) {
-    const Lanes<W> x = product<W>(cones.blocks[i].t, d);
-    const Lanes<W> y = product<W>(cones.blocks[i].b, d);
-    const Lanes<W> value = product<W>(cones.blocks[i].center, d) + squareRoot(x * x + y * y) * cones.friction;
-    const auto better = value > best;
-    best = select(better, value, best);
-    bestBlock = select(better, block, bestBlock);
-    block = block + Lanes<W>::all(1);
+    const Block& block = cones.blocks[i];
+    const Lanes<W> x = product<W>(block.t, d), y = product<W>(block.b, d);
+    Lanes<W> squares = x * x + y * y;
+    if (cones.torsion > 0) {
+      const Lanes<W> z = torsionProduct<W>(cones, block, d);
+      squares = squares + z * z;
+    }
+    largest.add(product<W>(block.center, d) + squareRoot(squares) * cones.friction);
   }
-  Reach reach;
-  const double value = largest(best);
-  if (value == -HUGE_VAL) return reach;
-  const auto isBest = best == Lanes<W>::all(value);
-  const Lanes<W> index = bestBlock * 8.0 + polar::laneNumbers<W>();
-  reach.contact = static_cast<int>(least(select(isBest, index, Lanes<W>::all(HUGE_VAL))));
-  reach.value = value;
-  const Block& winner = cones.blocks[reach.contact / 8];
-  const double x = productAt(winner.t, reach.contact % 8, d);
-  const double y = productAt(winner.b, reach.contact % 8, d);
-  const double length = std::sqrt(x * x + y * y);
-  reach.x = length > 0 ? x / length : 0;  // without a pull the normal force is as far as any
-  reach.y = length > 0 ? y / length : 0;
+  const polar::Support support = largest.support();
+  Reach reach{support.column, support.value, {}};
+  if (reach.contact < 0) return reach;
+  const Offset pull = pullAt(cones, reach.contact, d);
+  const double size = length(pull);
+  // Without a pull the normal force is as far as any.
+  if (size > 0) reach.offset = {pull.x / size, pull.y / size, pull.z / size};
   return reach;
 }
 
-HANDHOLD_INLINE Array8 pointOf(const Cones& cones, int contact, double x, double y) {
+HANDHOLD_INLINE Array8 pointOf(const ContactCones& cones, int contact, const Offset& offset) {
   const Block& block = cones.blocks[contact / 8];
   const int lane = contact % 8;
   Array8 w{};
   for (int k = 0; k < 6; ++k) {
-    w[k] = block.center[k][lane] + cones.friction * (x * block.t[k][lane] + y * block.b[k][lane]);
+    w[k] = block.center[k][lane] + cones.friction * (offset.x * block.t[k][lane] + offset.y * block.b[k][lane]);
+  }
+  if (cones.torsion > 0) {
+    const double moment = cones.friction * cones.torsion * offset.z;
+    for (int k = 0; k < 3; ++k) w[3 + k] += moment * block.center[k][lane];
   }
   return w;
 }
 
-/// Angles without order, and weights in [0.5, 1.5), again from the start after 64 contacts.
+/// Offsets without order, within sqrt(1/2) of the middle, and weights in [0.5, 1.5), again from the start after 64
+/// contacts.
 struct MixtureTable {
-  std::array<double, 64> x, y, weight;
+  std::array<Offset, 64> offset;
+  std::array<double, 64> weight;
 };
 
 const MixtureTable& mixtureTable() {
@@ -120,8 +141,9 @@ const MixtureTable& mixtureTable() {
     MixtureTable filled{};
     for (int i = 0; i < 64; ++i) {
       const double turns = 0.6180339887498949 * (i + 1), other = 0.7548776662466927 * (i + 1);
-      filled.x[i] = 0.5 * std::cos(2 * std::numbers::pi * turns);
-      filled.y[i] = 0.5 * std::sin(2 * std::numbers::pi * turns);
+      const double twist = 0.5497004779019703 * (i + 1);
+      filled.offset[i] = {0.5 * std::cos(2 * std::numbers::pi * turns), 0.5 * std::sin(2 * std::numbers::pi * turns),
+                          (twist - std::floor(twist)) - 0.5};
       filled.weight[i] = 0.5 + (other - std::floor(other));
     }
     return filled;
@@ -129,13 +151,11 @@ const MixtureTable& mixtureTable() {
   return table;
 }
 
-/// w0 = 0.7 q_lead + 0.3 sum c_j q_j / sum c_j, one point q_j inside the disc of every contact. As in the linearised
-/// test; what is off the discs' centres keeps w0 out of the flat that symmetric contacts span.
-Array8 strictMixture(const Cones& cones, int attempt) {
+/// w0 = 0.7 q_lead + 0.3 sum c_j q_j / sum c_j, one point q_j inside the ball of every contact. As in the linearised
+/// test; what is off the balls' centres keeps w0 out of the flat that symmetric contacts span.
+Array8 strictMixture(const ContactCones& cones, int attempt) {
   const MixtureTable& table = mixtureTable();
-  const auto pointInside = [&](int i, int shift) {
-    return pointOf(cones, i, table.x[(i + shift) % 64], table.y[(i + shift) % 64]);
-  };
+  const auto pointInside = [&](int i, int shift) { return pointOf(cones, i, table.offset[(i + shift) % 64]); };
   Array8 sum{};
   double weights = 0;
   for (int i = 0; i < cones.n; ++i) {
@@ -160,7 +180,7 @@ struct Search {
 };
 
 template <int W>
-HANDHOLD_INLINE void startSearch(const Cones& cones, int attempt, Search<W>& search) {
+HANDHOLD_INLINE void startSearch(const ContactCones& cones, int attempt, Search<W>& search) {
   search.w0 = strictMixture(cones, attempt);
   startFromArtificials(search.w0, cones.radius, search.phase);
   search.phase.nArtificials = 6;
@@ -170,14 +190,14 @@ HANDHOLD_INLINE void startSearch(const Cones& cones, int attempt, Search<W>& sea
 /// Pivots until the artificials are gone (balanced) or K(mu) is behind the plane pi . w = 0 (separated). Each column is
 /// made as it enters.
 template <int W>
-HANDHOLD_INLINE Phase1End solvePhase1(const Cones& cones, Search<W>& search) {
+HANDHOLD_INLINE Phase1End solvePhase1(const ContactCones& cones, Search<W>& search) {
   for (int step = 0; step < kPivotLimit; ++step) {
     if (search.phase.nArtificials == 0) return Phase1End::balanced;
     search.direction = multipliers(search.phase);
     const Reach entering = farthest<W>(cones, search.direction.data());
     if (entering.contact < 0) return Phase1End::stuck;  // pi is not a number
     if (entering.value <= kSeparationTolerance * cones.radius * norm(search.direction)) return Phase1End::separated;
-    const Array8 w = pointOf(cones, entering.contact, entering.x, entering.y);
+    const Array8 w = pointOf(cones, entering.contact, entering.offset);
     const Lanes<W> u = mixture(search.phase.inverse, w.data());
     const int leaving = leavingRow(search.phase, u);
     if (leaving < 0) return Phase1End::stuck;
@@ -188,7 +208,7 @@ HANDHOLD_INLINE Phase1End solvePhase1(const Cones& cones, Search<W>& search) {
 
 /// Is the origin strictly inside K(mu)? `search` then holds the proof: the basis and w0, or the direction.
 template <int W>
-HANDHOLD_INLINE ForceClosure decide(const Cones& cones, int firstAttempt, Search<W>& search) {
+HANDHOLD_INLINE ForceClosure decide(const ContactCones& cones, int firstAttempt, Search<W>& search) {
   if (cones.n == 0) return ForceClosure::notClosed;  // any plane separates
   if (!std::isfinite(cones.radius)) return ForceClosure::failed;
   for (int attempt = firstAttempt; attempt < kAttempts; ++attempt) {
@@ -203,7 +223,7 @@ HANDHOLD_INLINE ForceClosure decide(const Cones& cones, int firstAttempt, Search
 /// Grows the simplex of the verdict until its nearest facet is within kBoundsGap of the least h(d) / |d| found; false
 /// when rounding stopped it. A try after the first moves every new point by up to kShift R.
 template <int W>
-HANDHOLD_INLINE bool expand(const Cones& cones, const Search<W>& start, int attempt, polar::Memory& memory,
+HANDHOLD_INLINE bool expand(const ContactCones& cones, const Search<W>& start, int attempt, polar::Memory& memory,
                             EpsilonBounds& bounds) {
   polar::Matrix6 basis;
   for (int k = 0; k < 6; ++k) basis.col(k) = polar::vectorOf(start.phase.columns[k]);
@@ -231,7 +251,7 @@ HANDHOLD_INLINE bool expand(const Cones& cones, const Search<W>& start, int atte
       bounds.facets = static_cast<int>(memory.nFacets);
       return lower > 0 && polytope.planesHold();
     }
-    Array8 p = pointOf(cones, reach.contact, reach.x, reach.y);
+    Array8 p = pointOf(cones, reach.contact, reach.offset);
     for (int k = 0; shift > 0 && k < 6; ++k) p[k] += shift * (2 * stream.uniform(6 * vertex + k) - 1);
     memory.reserveVertices(static_cast<std::size_t>(vertex) + 1);
     polytope.setPoint(vertex, p.data());
@@ -240,8 +260,20 @@ HANDHOLD_INLINE bool expand(const Cones& cones, const Search<W>& start, int atte
   return false;
 }
 
+polar::Memory& threadMemory() {
+  thread_local polar::Memory memory;
+  return memory;
+}
+
 template <int W>
-HANDHOLD_INLINE void boundEpsilon(const Cones& cones, polar::Memory& memory, EpsilonBounds& bounds) {
+HANDHOLD_INLINE void answer(const ContactCones& cones, ForceClosure& verdict) {
+  Search<W> search;
+  verdict = decide<W>(cones, 0, search);
+}
+
+template <int W>
+HANDHOLD_INLINE void answer(const ContactCones& cones, EpsilonBounds& bounds) {
+  polar::Memory& memory = threadMemory();
   Search<W> search;
   for (int attempt = 0; attempt < polar::kTries; ++attempt) {
     const ForceClosure verdict = decide<W>(cones, attempt, search);
@@ -258,15 +290,13 @@ HANDHOLD_INLINE void boundEpsilon(const Cones& cones, polar::Memory& memory, Eps
   bounds = {};
 }
 
-/// The largest friction at which K is behind the plane d . w = 0:  min over i of -(d . c_i) / |(d . t_i, d . b_i)|.
-double separatedFriction(const Cones& cones, const Array8& d) {
+/// The largest friction at which K is behind the plane d . w = 0:  min over i of -(d . c_i) / |(d . t_i, d . b_i,
+/// d . r_i)|.
+double separatedFriction(const ContactCones& cones, const Array8& d) {
   double least = HUGE_VAL;
   for (int i = 0; i < cones.n; ++i) {
-    const Block& block = cones.blocks[i / 8];
-    const double x = productAt(block.t, i % 8, d.data()), y = productAt(block.b, i % 8, d.data());
-    const double along = productAt(block.center, i % 8, d.data());
-    const double length = std::sqrt(x * x + y * y);
-    if (length > 0) least = std::min(least, -along / length);
+    const double size = length(pullAt(cones, i, d.data()));
+    if (size > 0) least = std::min(least, -productAt(cones.blocks[i / 8].center, i % 8, d.data()) / size);
   }
   return least;
 }
@@ -274,7 +304,7 @@ double separatedFriction(const Cones& cones, const Array8& d) {
 /// K grows with the friction, so phase 1 of a friction that is too small is a start for every larger one: w0 and the
 /// columns of its basis are in K still.
 template <int W>
-HANDHOLD_INLINE void findCriticalFriction(Cones cones, CriticalFriction& result) {
+HANDHOLD_INLINE void answer(ContactCones cones, CriticalFriction& result) {
   result = {};
   Search<W> search, tooSmall;
   result.verdict = decide<W>(cones, 0, search);
@@ -313,52 +343,46 @@ HANDHOLD_INLINE void findCriticalFriction(Cones cones, CriticalFriction& result)
   result.friction = closed;
 }
 
-ForceClosure decideBaseline(const Cones& cones) {
-  Search<2> search;
-  return decide<2>(cones, 0, search);
+// One function for each instruction set and question.
+template <class Answer>
+void answerBaseline(const ContactCones& cones, Answer& result) {
+  answer<2>(cones, result);
 }
-void boundBaseline(const Cones& cones, polar::Memory& memory, EpsilonBounds& bounds) {
-  boundEpsilon<2>(cones, memory, bounds);
-}
-void criticalBaseline(const Cones& cones, CriticalFriction& result) { findCriticalFriction<2>(cones, result); }
 #ifdef __x86_64__
-#define HANDHOLD_AVX2 [[gnu::target("avx2")]]
-#define HANDHOLD_AVX512 [[gnu::target("avx512f,avx512dq,avx512vl")]]
-HANDHOLD_AVX2 ForceClosure decideAvx2(const Cones& cones) {
-  Search<4> search;
-  return decide<4>(cones, 0, search);
+template <class Answer>
+[[gnu::target("avx2")]] void answerAvx2(const ContactCones& cones, Answer& result) {
+  answer<4>(cones, result);
 }
-HANDHOLD_AVX2 void boundAvx2(const Cones& cones, polar::Memory& memory, EpsilonBounds& bounds) {
-  boundEpsilon<4>(cones, memory, bounds);
-}
-HANDHOLD_AVX2 void criticalAvx2(const Cones& cones, CriticalFriction& result) {
-  findCriticalFriction<4>(cones, result);
-}
-HANDHOLD_AVX512 ForceClosure decideAvx512(const Cones& cones) {
-  Search<8> search;
-  return decide<8>(cones, 0, search);
-}
-HANDHOLD_AVX512 void boundAvx512(const Cones& cones, polar::Memory& memory, EpsilonBounds& bounds) {
-  boundEpsilon<8>(cones, memory, bounds);
-}
-HANDHOLD_AVX512 void criticalAvx512(const Cones& cones, CriticalFriction& result) {
-  findCriticalFriction<8>(cones, result);
+template <class Answer>
+[[gnu::target("avx512f,avx512dq,avx512vl")]] void answerAvx512(const ContactCones& cones, Answer& result) {
+  answer<8>(cones, result);
 }
 #endif
 
-/// R(mu) = max over i of |c_i| + mu sqrt(|t_i|^2 + |b_i|^2), no less than any |w|.
-Cones conesOf(const std::vector<Block>& blocks, int n, double friction) {
-  Cones cones{blocks.data(), (n + 7) / 8, n, friction, 0};
+template <class Answer>
+Answer answerBy(InstructionSet set, const ContactCones& cones) {
+  Answer result{};
+#ifdef __x86_64__
+  if (set == InstructionSet::avx512) return answerAvx512(cones, result), result;
+  if (set == InstructionSet::avx2) return answerAvx2(cones, result), result;
+#endif
+  return answerBaseline(cones, result), result;
+}
+
+/// R(mu) = max over i of |c_i| + mu sqrt(|t_i|^2 + |b_i|^2 + |r_i|^2), no less than any |w|.
+ContactCones conesOf(const std::vector<Block>& blocks, int n, const WrenchModel& model) {
+  const double torsion = model.torsionRadius / model.torqueScale;
+  ContactCones cones{blocks.data(), (n + 7) / 8, n, model.friction, torsion, 0};
   double total = 0;  // a NaN survives a sum, not a maximum
   for (int i = 0; i < n; ++i) {
     const Block& block = blocks[i / 8];
-    double center = 0, tangents = 0;
+    double center = 0, tangents = torsion * torsion;
     for (int k = 0; k < 6; ++k) {
       const double c = block.center[k][i % 8], t = block.t[k][i % 8], b = block.b[k][i % 8];
       center += c * c;
       tangents += t * t + b * b;
     }
-    const double radius = std::sqrt(center) + friction * std::sqrt(tangents);
+    const double radius = std::sqrt(center) + model.friction * std::sqrt(tangents);
     cones.radius = std::max(cones.radius, radius);
     total += radius;
   }
@@ -371,18 +395,17 @@ Cones conesOf(const std::vector<Block>& blocks, int n, double friction) {
 TrueCones::TrueCones(const WrenchModel& model) : TrueCones(model, polar::instructionSet()) {}
 
 TrueCones::TrueCones(const WrenchModel& model, polar::InstructionSet set) : model_(model), set_(set) {
-  assert(model.torqueScale > 0 && model.friction >= 0);
+  assert(model.torqueScale > 0 && model.friction >= 0 && model.torsionRadius >= 0);
 }
 
 void TrueCones::setContacts(std::span<const Contact> contacts) {
-  nContacts_ = static_cast<int>(contacts.size());
   const std::size_t nBlocks = (contacts.size() + 7) / 8;
   if (blocks_.size() < nBlocks) blocks_.resize(nBlocks);
   for (std::size_t i = 0; i < 8 * nBlocks; ++i) {
     const Contact& contact = contacts[i < contacts.size() ? i : 0];
     const TangentBasis tangents = tangentBasis(contact.normal);
     const Eigen::Vector3d arm = (contact.position - model_.centerOfMass) / model_.torqueScale;
-    const auto set = [&](std::array<std::array<double, 8>, 6>& w, const Eigen::Vector3d& f) {
+    const auto set = [&](EightWrenches& w, const Eigen::Vector3d& f) {
       const Eigen::Vector3d torque = arm.cross(f);
       for (int k = 0; k < 3; ++k) w[k][i % 8] = f[k];
       for (int k = 0; k < 3; ++k) w[k + 3][i % 8] = torque[k];
@@ -393,37 +416,18 @@ void TrueCones::setContacts(std::span<const Contact> contacts) {
   }
 }
 
-ForceClosure TrueCones::testForceClosure(std::span<const Contact> contacts) {
+template <class Answer>
+Answer TrueCones::ask(std::span<const Contact> contacts) {
   setContacts(contacts);
-  const Cones cones = conesOf(blocks_, nContacts_, model_.friction);
-#ifdef __x86_64__
-  if (set_ == InstructionSet::avx512) return decideAvx512(cones);
-  if (set_ == InstructionSet::avx2) return decideAvx2(cones);
-#endif
-  return decideBaseline(cones);
+  return answerBy<Answer>(set_, conesOf(blocks_, static_cast<int>(contacts.size()), model_));
 }
 
-EpsilonBounds TrueCones::epsilonBounds(std::span<const Contact> contacts) {
-  thread_local polar::Memory memory;
-  setContacts(contacts);
-  const Cones cones = conesOf(blocks_, nContacts_, model_.friction);
-  EpsilonBounds bounds;
-#ifdef __x86_64__
-  if (set_ == InstructionSet::avx512) return boundAvx512(cones, memory, bounds), bounds;
-  if (set_ == InstructionSet::avx2) return boundAvx2(cones, memory, bounds), bounds;
-#endif
-  return boundBaseline(cones, memory, bounds), bounds;
-}
+ForceClosure TrueCones::testForceClosure(std::span<const Contact> contacts) { return ask<ForceClosure>(contacts); }
+
+EpsilonBounds TrueCones::epsilonBounds(std::span<const Contact> contacts) { return ask<EpsilonBounds>(contacts); }
 
 CriticalFriction TrueCones::criticalFriction(std::span<const Contact> contacts) {
-  setContacts(contacts);
-  const Cones cones = conesOf(blocks_, nContacts_, model_.friction);
-  CriticalFriction result;
-#ifdef __x86_64__
-  if (set_ == InstructionSet::avx512) return criticalAvx512(cones, result), result;
-  if (set_ == InstructionSet::avx2) return criticalAvx2(cones, result), result;
-#endif
-  return criticalBaseline(cones, result), result;
+  return ask<CriticalFriction>(contacts);
 }
 
 }  // namespace handhold

@@ -36,14 +36,15 @@ struct CriticalFriction {
   double friction = std::numeric_limits<double>::quiet_NaN();  // NaN unless closed
 };
 
-/// Epsilon and force closure on the true friction cones, |tangential force| <= mu (normal force): the wrench set is
+/// Epsilon and force closure on the true friction cones, |tangential force| <= mu (normal force), and of soft fingers
+/// on the ellipsoids that they become with a moment about the normal: the wrench set is
 ///
-///     K(mu) = conv over contacts i of { c_i + x t_i + y b_i : x^2 + y^2 <= mu^2 }                                (10)
+///     K(mu) = conv over contacts i of { c_i + x t_i + y b_i + z r_i : x^2 + y^2 + z^2 <= mu^2 }                  (10)
 ///
-/// with c_i, t_i, b_i the wrenches of the unit normal and of two unit tangents: frictionConeWrenches with edges without
-/// number. Nothing depends on the choice of tangents or on WrenchModel::coneEdges. One a worker: its memory is kept,
-/// and no call allocates once the thread has seen sets as large. The same bits on every instruction set. Source:
-/// src/quality/README.md, equations (10) to (13).
+/// with c_i, t_i, b_i the wrenches of the unit normal and of two unit tangents, r_i = (0; e n_i / s), of point contacts
+/// zero: frictionConeWrenches with generators without number. Nothing depends on the choice of tangents or on
+/// WrenchModel::coneEdges. One a worker: its memory is kept, and no call allocates once the thread has seen sets as
+/// large. The same bits on every instruction set. Source: src/quality/README.md, equations (10) to (13).
 class TrueCones {
  public:
   explicit TrueCones(const WrenchModel& model);
@@ -66,11 +67,12 @@ class TrueCones {
 
  private:
   void setContacts(std::span<const Contact> contacts);
+  template <class Answer>
+  Answer ask(std::span<const Contact> contacts);
 
   WrenchModel model_;
   polar::InstructionSet set_;
   std::vector<Block> blocks_;
-  int nContacts_ = 0;
 };
 
 }  // namespace handhold

@@ -218,8 +218,6 @@ class FastPolicy final : public GraspPolicy {
       return;
     }
     gatherContacts(trial);
-    constexpr std::size_t kFewestContacts = 3;
-    if (trial.contacts.size() < kFewestContacts) trial.outcome = GraspOutcome::tooFewContacts;
   }
 
   /// Are two links apart for sure: no sphere of one's cover near the other?

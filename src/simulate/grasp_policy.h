@@ -18,7 +18,7 @@ namespace handhold {
 enum class GraspOutcome : std::uint8_t {
   forceClosed,       // kept
   notForceClosed,    // contacts cannot resist every wrench
-  tooFewContacts,    // fewer than three points: no set of frictional point contacts so small is force closed
+  tooFewContacts,    // no set so small is force closed (WrenchModel::fewestContacts)
   blockedCentering,  // a jaw that centres itself would push the rest of the hand into the object
   selfCollision,     // force closed, but parts of the hand pass through each other
   solveFailed,       // force closure or epsilon could not be computed
@@ -47,7 +47,7 @@ struct ClosingStop {
 
 /// What the policy did. Poses are of the hand's root link H in the object frame O.
 struct GraspTrial {
-  /// notForceClosed stands for "contacts are there, the verdict is not"; tooFewContacts and blockedCentering are final.
+  /// notForceClosed or blockedCentering: what the contacts make of the first, the policy does not know.
   GraspOutcome outcome = GraspOutcome::notRun;
   Eigen::Isometry3d X_OH = Eigen::Isometry3d::Identity();
   double backoff = 0;                                   // m, t of the palm behind P_t, standoff included

@@ -147,10 +147,6 @@ class ReferencePolicy final : public GraspPolicy {
     trial.outcome =
         closeHand(hand_, steps_, *this, trial) ? GraspOutcome::notForceClosed : GraspOutcome::blockedCentering;
     if (trial.outcome == GraspOutcome::notForceClosed) gatherContacts(trial);
-    constexpr std::size_t kFewestContacts = 3;
-    if (trial.outcome == GraspOutcome::notForceClosed && trial.contacts.size() < kFewestContacts) {
-      trial.outcome = GraspOutcome::tooFewContacts;
-    }
     trial.collisionQueries = queries_;
   }
 

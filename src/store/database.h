@@ -16,7 +16,7 @@ struct GraspSetSummary {
   std::filesystem::path path;
   std::string object, hand, inputHash, generator, policy;
   int setVersion = 0;
-  double friction = 0;
+  double friction = 0, torsionRadius = 0;
   int coneEdges = 0;
   bool watertight = false;
   std::size_t samples = 0, rolls = 0, preshapes = 0, grasps = 0, bytes = 0;

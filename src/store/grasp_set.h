@@ -18,6 +18,7 @@ struct GraspSet {
   std::string object, hand, inputHash, generator, job, policy;
   int setVersion = 0;
   double friction = 0, contactDistance = 0, torqueScale = 0, pitch = 0, mapPitch = 0;
+  double torsionRadius = 0;  // of soft fingers; 0: point contacts
   int coneEdges = 0;
   std::uint64_t seed = 0;
 

@@ -93,6 +93,9 @@ void forEachText(const Visit& visit) {
   visit("/hand/config", &GraspSet::config);
 }
 
+/// The attribute of / that older sets do not have: their contacts are points.
+inline constexpr std::string_view kTorsionRadius = "torsion_radius";
+
 /// visit(NAME, MEMBER) for every attribute of / but format_version.
 template <class Visit>
 void forEachRootAttribute(const Visit& visit) {
@@ -108,6 +111,7 @@ void forEachRootAttribute(const Visit& visit) {
   visit("cone_edges", &GraspSet::coneEdges);
   visit("contact_distance", &GraspSet::contactDistance);
   visit("torque_scale", &GraspSet::torqueScale);
+  visit("torsion_radius", &GraspSet::torsionRadius);
   visit("pitch", &GraspSet::pitch);
   visit("map_pitch", &GraspSet::mapPitch);
 }

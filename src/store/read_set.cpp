@@ -168,7 +168,7 @@ void readRootAttributes(const Hdf5View& file, GraspSet& set) {
   forEachRootAttribute([&](const char* name, auto member) {
     if constexpr (std::is_same_v<decltype(member), std::string GraspSet::*>) {
       set.*member = file.textAttribute("/", name);
-    } else {
+    } else if (name != kTorsionRadius || file.hasAttribute("/", name)) {
       set.*member = file.number<std::decay_t<decltype(set.*member)>>("/", name);
     }
   });
@@ -314,6 +314,7 @@ GraspSetSummary readSummary(const fs::path& path) {
   summary.setVersion = set.setVersion;
   summary.friction = set.friction;
   summary.coneEdges = set.coneEdges;
+  summary.torsionRadius = set.torsionRadius;
   summary.watertight = readWatertight(file);
   summary.samples = trials[0];
   summary.rolls = trials[1];

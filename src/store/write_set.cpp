@@ -50,6 +50,7 @@ void checkProvenance(const GraspSet& set, std::string_view where) {
       if (!std::isfinite(set.*member)) refuse(where, fmt::format("/@{} is {}, want a number", name, set.*member));
     }
   });
+  if (set.torsionRadius < 0) refuse(where, fmt::format("/@torsion_radius is {}, want >= 0", set.torsionRadius));
   if (!set.centerOfMass.allFinite()) refuse(where, "/object/center_of_mass is not finite, want three numbers");
 }
 

@@ -151,15 +151,39 @@ class Programs(unittest.TestCase):
         for hand in ("barrett", "hrp2", "jaw"):
             result = run("hand", SOURCE / "hands" / hand)
             self.assertEqual(result.returncode, 0, result.stderr)
-            for word in ("joints:", "palm in link", "closed on nothing", "closed on a sphere", "the hand is ready"):
+            for word in ("joints:", "palm in link", "closed on nothing", "closed on a sphere", "the hand is ready",
+                         "contacts are points"):
                 self.assertIn(word, result.stdout)
         template = run("hand", SOURCE / "hands/jaw/jaw.urdf", "--init")
         self.assertIn("urdf: jaw.urdf", template.stdout)
+        self.assertIn("# contact: {model: soft_finger, torsion_radius: METRES}", template.stdout)
         folder = self.folder / "mine"
         folder.mkdir()
         shutil.copy(SOURCE / "hands/jaw/jaw.urdf", folder)
         (folder / "hand.yaml").write_text(template.stdout)
         self.assertEqual(run("hand", folder).returncode, 0)
+
+    def test_soft_fingers(self):
+        hand = self.folder / "soft"
+        shutil.copytree(SOURCE / "hands/jaw", hand)
+        config = (hand / "hand.yaml").read_text()
+        (hand / "hand.yaml").write_text(config + "contact: {model: soft_finger, torsion_radius: 0.005}\n")
+        said = "soft fingers, torsion radius 0.005 m"
+        self.assertIn(f"contacts are {said}", run("hand", hand).stdout)
+        job = self.job(objects=("t_bar.ply",))
+        job.write_text(job.read_text().replace(f"{SOURCE}/hands/jaw", str(hand)))
+        self.assertEqual(run("build", job, "--db", self.db, "--progress", "none").returncode, 0)
+        path = self.db / "t_bar/soft/v0001.h5"
+        self.assertRegex(run("info", path).stdout, rf"contacts +{said}")
+        info = json.loads(run("info", path, "--format", "json").stdout)
+        self.assertEqual((info["contact_model"], info["torsion_radius"]), ("soft_finger", 0.005))
+        check = subprocess.run(["/usr/bin/python3", SOURCE / "tests/store/check_format.py", path], capture_output=True, text=True)
+        self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
+        best = self.first_closed_trial(path)
+        trial = run("build", job, "--db", self.db, "--object", "t_bar", "--hand", "soft", "--trial", best["trial"])
+        self.assertIn(f"epsilon {best['epsilon']:.6f} (contacts are {said};", trial.stdout)
+        (hand / "hand.yaml").write_text(config + "contact: {model: soft_finger, torsion_radius: 5}\n")
+        self.assert_refused(run("hand", hand), "hand.yaml:", "contact.torsion_radius is \"5\"", "at most 0.1")
 
     def test_same_object_in_three_formats_has_one_frame(self):
         subprocess.run(["/usr/bin/python3", SOURCE / "scripts/generate_meshes", "--out", self.folder / "all", "--frame-test", self.folder],

@@ -77,7 +77,7 @@ struct Setting {
   const LoadedHand& hand;
   const SampledObject& object;
 
-  WrenchModel model() const { return wrenchModel(job, *object.item, object.model); }
+  WrenchModel model() const { return wrenchModel(job, *object.item, object.model, hand.hand); }
   std::size_t trials() const { return object.samples.size() * job.rolls * hand.hand.preshapes.size(); }
   std::unique_ptr<GraspPolicy> reference(const ReferenceSettings& settings = {}) const {
     return makeReferencePolicy(hand.hand, object.model, job.policy, settings);

@@ -133,7 +133,7 @@ StoredVerdicts checkStoredVerdicts(const std::filesystem::path& database, int nG
   const std::vector<std::filesystem::path> files = Database(database).files();
   for (std::size_t f = 0; f < files.size(); ++f) {
     const GraspSet set = readGraspSet(files[f]);
-    const WrenchModel model{set.centerOfMass, set.torqueScale, set.friction, set.coneEdges};
+    const WrenchModel model{set.centerOfMass, set.torqueScale, set.friction, set.coneEdges, set.torsionRadius};
     const std::size_t missing = nGrasps - verdicts.whole.sets, setsLeft = files.size() - f;
     const std::size_t n = std::min(set.graspCount(), (missing + setsLeft - 1) / setsLeft);
     for (std::size_t i = 0; i < n; ++i) {

@@ -17,7 +17,7 @@ class GivenContacts final : public GraspPolicy {
   void give(const std::vector<Contact>& contacts) { contacts_ = &contacts; }
   void run(const GraspCandidate&, GraspTrial& trial) override {
     trial.contacts = *contacts_;
-    trial.outcome = contacts_->size() < 3 ? GraspOutcome::tooFewContacts : GraspOutcome::notForceClosed;
+    trial.outcome = GraspOutcome::notForceClosed;
   }
   bool closeAt(const Eigen::Isometry3d&, int, GraspTrial& trial) override {
     run({}, trial);
@@ -30,6 +30,29 @@ class GivenContacts final : public GraspPolicy {
  private:
   const std::vector<Contact>* contacts_ = nullptr;
 };
+
+// Two opposed contacts of a jaw: too few when they are points, a grasp when they are soft; one is always too few.
+TEST(Evaluate, TwoContactsAreEnoughForSoftFingers) {
+  const std::vector<Contact> pair = {{{0.03, 0, 0}, {-1, 0, 0}, 0}, {{-0.03, 0, 0}, {1, 0, 0}, 1}};
+  const std::vector<Contact> single = {pair[0]};
+  const auto run = [](const std::vector<Contact>& contacts, double torsionRadius) {
+    GivenContacts policy;
+    policy.give(contacts);
+    Cones cones({{0, 0, 0}, 0.05, 0.5, 8, torsionRadius});
+    Evaluation evaluation;
+    StageSeconds seconds;
+    evaluate(policy, {}, cones, evaluation, seconds);
+    return evaluation;
+  };
+  EXPECT_EQ(run(pair, 0).trial.outcome, GraspOutcome::tooFewContacts);
+  EXPECT_EQ(run(pair, 0).epsilon, 0);
+  EXPECT_EQ(run(single, 0.004).trial.outcome, GraspOutcome::tooFewContacts);
+  const Evaluation soft = run(pair, 0.004);
+  EXPECT_EQ(soft.trial.outcome, GraspOutcome::forceClosed);
+  EXPECT_GT(soft.epsilon, 0);
+  EXPECT_GE(soft.bounds.upper, soft.epsilon - 4 * kEpsilonTolerance);
+  EXPECT_LE(soft.criticalFriction, 0.5);
+}
 
 // Once a worker has seen the sizes, nothing after the policy comes from the heap, and its memory changes no result.
 TEST(Evaluate, SecondPassAllocatesNothing) {

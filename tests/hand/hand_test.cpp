@@ -146,6 +146,18 @@ TEST_F(LoadHand, VisualStandsInForMissingCollision) {
   EXPECT_THAT(hand.notes, testing::Contains(StrEq("link slider has no <collision>: its <visual> is used")));
 }
 
+TEST_F(LoadHand, ContactModel) {
+  const Hand silent = load(goodUrdf());
+  EXPECT_EQ(silent.torsionRadius, 0);
+  const Hand point = load(goodUrdf(), kGoodConfig + "contact: {model: point}\n");
+  EXPECT_EQ(point.torsionRadius, 0);
+  const Hand soft = load(goodUrdf(), kGoodConfig + "contact: {model: soft_finger, torsion_radius: 0.004}\n");
+  EXPECT_EQ(soft.torsionRadius, 0.004);
+  EXPECT_NE(soft.contentHash, silent.contentHash);
+  EXPECT_NE(soft.contentHash,
+            load(goodUrdf(), kGoodConfig + "contact: {model: soft_finger, torsion_radius: 0.005}\n").contentHash);
+}
+
 TEST_F(LoadHand, HashChangesWithEachText) {
   const std::string hash = load(goodUrdf()).contentHash;
   EXPECT_EQ(load(goodUrdf()).contentHash, hash);
@@ -308,6 +320,30 @@ TEST_F(LoadHand, RefusesMissingKeys) {
     EXPECT_THAT(refusal(goodUrdf(), config.erase(begin, end - begin)),
                 StrEq(fmt::format("hand.yaml:2: the file has no key \"{}\", want one", key)));
   }
+}
+
+TEST_F(LoadHand, RefusesBadContactModels) {
+  const auto said = [&](const std::string& value) {
+    return refusal(goodUrdf(), kGoodConfig + "contact: " + value + "\n");
+  };
+  EXPECT_THAT(said("{model: rubber}"), StrEq("hand.yaml:9: contact.model is \"rubber\", want point or soft_finger"));
+  EXPECT_THAT(said("{torsion_radius: 0.004}"), StrEq("hand.yaml:9: contact has no key \"model\", want one"));
+  EXPECT_THAT(said("{model: soft_finger}"), StrEq("hand.yaml:9: contact has no key \"torsion_radius\", want one"));
+  EXPECT_THAT(said("{model: point, torsion_radius: 0.004}"),
+              StrEq("hand.yaml:9: contact.torsion_radius is given with model point, want it with soft_finger alone"));
+  for (const char* number : {"0", "-0.004", "0.11", "4"}) {
+    EXPECT_THAT(said(fmt::format("{{model: soft_finger, torsion_radius: {}}}", number)),
+                StrEq(fmt::format("hand.yaml:9: contact.torsion_radius is \"{}\", want a number of metres > 0 and at "
+                                  "most 0.1",
+                                  number)));
+  }
+  for (const char* number : {"nan", "wide", "[0.004]"}) {
+    EXPECT_THAT(said(fmt::format("{{model: soft_finger, torsion_radius: {}}}", number)),
+                StartsWith("hand.yaml:9: contact.torsion_radius is "));
+  }
+  EXPECT_THAT(said("{model: soft_finger, radius: 0.004}"),
+              StartsWith("hand.yaml:9: contact.radius is not a known key, want one of: model, torsion_radius"));
+  EXPECT_THAT(said("soft_finger"), StartsWith("hand.yaml:9: contact is "));
 }
 
 TEST_F(LoadHand, RefusesMissingUrdf) {

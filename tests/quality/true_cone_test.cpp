@@ -23,15 +23,19 @@ constexpr int kManyEdges = 64;
 // What epsilonMetric and the bounds may be off by, R is at most 2 here.
 constexpr double kRoundingTol = 4 * kEpsilonTolerance;
 
-WrenchModel model(double friction, int coneEdges = 8, double torqueScale = 1) {
-  return {{0, 0, 0}, torqueScale, friction, coneEdges};
+WrenchModel model(double friction, int coneEdges = 8, double torqueScale = 1, double torsionRadius = 0) {
+  return {{0, 0, 0}, torqueScale, friction, coneEdges, torsionRadius};
+}
+
+/// Epsilon of columns; 0 when not closed.
+double epsilonOf(const WrenchMatrix& w) {
+  const ForceClosureResult closure = testForceClosure(w);
+  return closure.verdict == ForceClosure::closed ? epsilonMetric(w, closure) : 0;
 }
 
 /// Linearised epsilon; 0 when not closed.
 double epsilonWithEdges(const std::vector<Contact>& contacts, const WrenchModel& with) {
-  const WrenchMatrix w = frictionConeWrenches(contacts, with);
-  const ForceClosureResult closure = testForceClosure(w);
-  return closure.verdict == ForceClosure::closed ? epsilonMetric(w, closure) : 0;
+  return epsilonOf(frictionConeWrenches(contacts, with));
 }
 
 /// Friction of the narrowest cone with so many edges that holds the true one.
@@ -77,19 +81,22 @@ std::vector<Contact> facePairs() {
   return contacts;
 }
 
+/// h(d), equation (11), written with the contacts themselves about the origin, s = 1.
+double supportOf(const std::vector<Contact>& contacts, const WrenchModel& with, const Eigen::Matrix<double, 6, 1>& d) {
+  double most = -HUGE_VAL;
+  for (const Contact& contact : contacts) {
+    const Eigen::Vector3d g = d.head<3>() + d.tail<3>().cross(contact.position);
+    const double normal = g.dot(contact.normal), twist = with.torsionRadius * d.tail<3>().dot(contact.normal);
+    most = std::max(most, normal + with.friction * std::hypot((g - normal * contact.normal).norm(), twist));
+  }
+  return most;
+}
+
 /// The least support of the contacts in random directions and in small steps down from the best of them: an upper
 /// bound of epsilon that knows nothing of polytopes.
-double leastSupport(const std::vector<Contact>& contacts, double friction, int seed) {
+double leastSupport(const std::vector<Contact>& contacts, const WrenchModel& with, int seed) {
   using Vector6 = Eigen::Matrix<double, 6, 1>;
-  const auto support = [&](const Vector6& d) {
-    double most = -HUGE_VAL;
-    for (const Contact& contact : contacts) {
-      const Eigen::Vector3d g = d.head<3>() + d.tail<3>().cross(contact.position);
-      const double normal = g.dot(contact.normal);
-      most = std::max(most, normal + friction * (g - normal * contact.normal).norm());
-    }
-    return most / d.norm();
-  };
+  const auto support = [&](const Vector6& d) { return supportOf(contacts, with, d) / d.norm(); };
   const RandomStream stream = RandomStream(seed).child(5);
   Vector6 best = Vector6::Unit(0);
   std::uint64_t counter = 0;
@@ -178,7 +185,7 @@ TEST(TrueConeBounds, NoDirectionIsWeaker) {
     const std::vector<Contact> contacts = randomContacts(seed, 5 + seed % 4, 0.3);
     const EpsilonBounds bounds = TrueCones(model(0.5)).epsilonBounds(contacts);
     if (bounds.verdict != ForceClosure::closed) continue;
-    EXPECT_GE(leastSupport(contacts, 0.5, seed), bounds.lower - kRoundingTol);
+    EXPECT_GE(leastSupport(contacts, model(0.5), seed), bounds.lower - kRoundingTol);
   }
 }
 
@@ -291,6 +298,187 @@ TEST(TrueConeDegenerate, RepeatedContactsChangeNothing) {
   }
 }
 
+// ---- Soft fingers ----------------------------------------------------------------------------------------------
+
+constexpr int kMeridians = 48, kParallels = 24;
+/// The hull of the wrenches below holds the ellipsoids of this share of the friction: a point of the unit sphere is at
+/// most half a step in latitude and half a step in longitude from one of theirs.
+const double kInscribedShare =
+    std::cos(0.5 * std::numbers::pi / kParallels) + std::cos(std::numbers::pi / kMeridians) - 1;
+
+/// Wrenches on the ellipsoids, dense, by other tangents and another order than frictionConeWrenches.
+WrenchMatrix ellipsoidWrenches(const std::vector<Contact>& contacts, const WrenchModel& with) {
+  std::vector<Eigen::Vector3d> sphere = {{0, 0, 1}, {0, 0, -1}};
+  for (int i = 1; i < kParallels; ++i) {
+    const double latitude = std::numbers::pi * (static_cast<double>(i) / kParallels - 0.5);
+    for (int j = 0; j < kMeridians; ++j) {
+      const double longitude = 2 * std::numbers::pi * j / kMeridians;
+      sphere.emplace_back(std::cos(latitude) * std::cos(longitude), std::cos(latitude) * std::sin(longitude),
+                          std::sin(latitude));
+    }
+  }
+  WrenchMatrix w(6, static_cast<Eigen::Index>(contacts.size() * sphere.size()));
+  Eigen::Index column = 0;
+  for (const Contact& contact : contacts) {
+    const Eigen::Vector3d t = contact.normal.unitOrthogonal(), b = contact.normal.cross(t);
+    for (const Eigen::Vector3d& x : sphere) {
+      const Eigen::Vector3d force = contact.normal + with.friction * (x.x() * t + x.y() * b);
+      const Eigen::Vector3d moment = with.friction * with.torsionRadius * x.z() * contact.normal;
+      w.col(column++) << force, (contact.position.cross(force) + moment) / with.torqueScale;
+    }
+  }
+  return w;
+}
+
+/// Two to six contacts: pairs that nearly oppose each other, contacts on a sphere, a hand about a bottle.
+Instance softInstance(int seed) {
+  if (seed % 3 == 0) {
+    const RandomStream stream = RandomStream(seed).child(9);
+    const Eigen::Vector3d axis = testing::randomUnitVector(stream, 0);
+    Instance pair{{}, 0.09};
+    for (const double side : {1.0, -1.0}) {
+      const std::uint64_t counter = side > 0 ? 2 : 6;
+      pair.contacts.push_back({0.035 * side * axis + 0.01 * testing::randomUnitVector(stream, counter),
+                               (-side * axis + 0.3 * testing::randomUnitVector(stream, counter + 2)).normalized(), 0});
+    }
+    return pair;
+  }
+  const int nContacts = 2 + seed % 5;
+  if (seed % 3 == 1) return {bench::graspLikeContacts(seed, nContacts), 0.09};
+  return {randomContacts(seed, nContacts, 0.3), 1};
+}
+WrenchModel softModel(const Instance& set, double friction, double share = 0.06) {
+  return model(friction, 8, set.torqueScale, share * set.torqueScale);
+}
+
+// Points on a line cannot turn about it. Soft fingers do, and that moment, mu e, is what they are weakest at: any other
+// direction has friction over the arm (1) or the force beside it.
+TEST(SoftFinger, TwoOpposedContactsAreForceClosed) {
+  const std::vector<Contact> pair = {{{1, 0, 0}, {-1, 0, 0}, 0}, {{-1, 0, 0}, {1, 0, 0}, 0}};
+  EXPECT_EQ(TrueCones(model(0.5)).testForceClosure(pair), ForceClosure::notClosed);
+  for (const double torsionRadius : {0.01, 0.1}) {
+    const WrenchModel soft = model(0.5, 8, 1, torsionRadius);
+    TrueCones cones(soft);
+    EXPECT_EQ(cones.testForceClosure(pair), ForceClosure::closed);
+    const EpsilonBounds bounds = cones.epsilonBounds(pair);
+    expectWithinGap(bounds);
+    EXPECT_NEAR(bounds.upper, 0.5 * torsionRadius, kBoundsGap * bounds.upper + kRoundingTol);
+    const double linearised = epsilonWithEdges(pair, soft);
+    EXPECT_GT(linearised, 0);
+    EXPECT_LE(linearised, bounds.upper + kRoundingTol);
+    EXPECT_LE(cones.criticalFriction(pair).friction, kLeastFriction);
+    EXPECT_EQ(cones.testForceClosure(std::vector<Contact>{pair[0]}), ForceClosure::notClosed);
+  }
+}
+
+// The closed form of the support is that of the ellipsoids.
+TEST(SoftFinger, SupportIsThatOfManyWrenches) {
+  const RandomStream stream(11);
+  for (int seed = 0; seed < 30; ++seed) {
+    const std::vector<Contact> contacts = randomContacts(seed, 4, 0.3);
+    const WrenchModel with = model(0.6, 8, 1, 0.3);
+    const WrenchMatrix w = ellipsoidWrenches(contacts, with);
+    Eigen::Matrix<double, 6, 1> d;
+    for (int k = 0; k < 6; ++k) d[k] = 2 * stream.uniform(6 * static_cast<std::uint64_t>(seed) + k) - 1;
+    const double most = (d.transpose() * w).maxCoeff(), wanted = supportOf(contacts, with, d);
+    EXPECT_LE(most, wanted + 1e-14);
+    EXPECT_GE(most, wanted - (1 - kInscribedShare) * 0.6 * 3 * d.norm());  // |t|, |b|, |r| add up to less than 3
+  }
+}
+
+// Dense wrenches on the ellipsoids and the same pushed out until they hold the ellipsoids have the true epsilon between
+// them, and eight edges are inside.
+TEST(SoftFinger, BoundsLieBetweenManyWrenches) {
+  int nClosed = 0;
+  for (int seed = 0; seed < 120; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const Instance set = softInstance(seed);
+    const WrenchModel with = softModel(set, 0.3 + 0.1 * (seed % 4));
+    WrenchModel wide = with;
+    wide.friction /= kInscribedShare;
+    const EpsilonBounds bounds = TrueCones(with).epsilonBounds(set.contacts);
+    ASSERT_NE(bounds.verdict, ForceClosure::failed);
+    const double inside = epsilonOf(ellipsoidWrenches(set.contacts, with));
+    EXPECT_GE(bounds.upper, inside - kRoundingTol);
+    EXPECT_LE(bounds.lower, epsilonOf(ellipsoidWrenches(set.contacts, wide)) + kRoundingTol);
+    EXPECT_GE(bounds.upper, epsilonWithEdges(set.contacts, with) - kRoundingTol);
+    if (bounds.verdict != ForceClosure::closed) continue;
+    expectWithinGap(bounds);
+    if (set.torqueScale == 1) {
+      EXPECT_GE(leastSupport(set.contacts, with, seed), bounds.lower - kRoundingTol);
+    }
+    ++nClosed;
+  }
+  EXPECT_GT(nClosed, 60);
+  EXPECT_LT(nClosed, 118);
+}
+
+TEST(SoftFinger, InvariantWhenContactsTurn) {
+  int nClosed = 0;
+  for (int seed = 0; seed < 200; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const Instance set = softInstance(seed);
+    TrueCones cones(softModel(set, 0.5));
+    const std::vector<Contact> turned = rotated(set.contacts, seed);
+    const EpsilonBounds bounds = cones.epsilonBounds(set.contacts), after = cones.epsilonBounds(turned);
+    ASSERT_EQ(bounds.verdict, after.verdict);
+    if (bounds.verdict != ForceClosure::closed) continue;
+    ++nClosed;
+    EXPECT_NEAR(after.lower, bounds.lower, 2 * kBoundsGap * bounds.upper + kRoundingTol);
+    EXPECT_NEAR(after.upper, bounds.upper, 2 * kBoundsGap * bounds.upper + kRoundingTol);
+    EXPECT_NEAR(cones.criticalFriction(set.contacts).friction, cones.criticalFriction(turned).friction,
+                kFrictionTolerance);
+  }
+  EXPECT_GT(nClosed, 100);
+}
+
+// Dense wrenches 1 % above the critical friction are closed, those that hold the ellipsoids 1 % below are not.
+TEST(SoftFinger, CriticalFrictionIsConfirmedByManyWrenches) {
+  int nChecked = 0;
+  for (int seed = 0; seed < 150; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const Instance set = softInstance(seed);
+    const WrenchModel with = softModel(set, 0.6);
+    const CriticalFriction critical = TrueCones(with).criticalFriction(set.contacts);
+    ASSERT_NE(critical.verdict, ForceClosure::failed);
+    if (critical.verdict != ForceClosure::closed || critical.friction <= kLeastFriction) continue;
+    ++nChecked;
+    const auto verdict = [&](double friction) {
+      return testForceClosure(ellipsoidWrenches(set.contacts, softModel(set, friction))).verdict;
+    };
+    EXPECT_EQ(verdict(1.01 * critical.friction), ForceClosure::closed);
+    EXPECT_EQ(verdict(0.99 * critical.friction / kInscribedShare), ForceClosure::notClosed);
+  }
+  EXPECT_GT(nChecked, 60);
+}
+
+// A moment of mu e / s more moves no support, and so no epsilon, by more. A radius that vanishes beside rounding gives
+// the point contact's bits.
+TEST(SoftFinger, BecomesThePointContact) {
+  int nClosed = 0;
+  for (int seed = 0; seed < 200; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const Instance set = instance(seed, seed % 2 == 1);
+    const auto boundsAt = [&](double share) {
+      return TrueCones(softModel(set, 0.5, share)).epsilonBounds(set.contacts);
+    };
+    const EpsilonBounds point = boundsAt(0), vanishing = boundsAt(1e-200);
+    EXPECT_EQ(vanishing.verdict, point.verdict);
+    EXPECT_EQ(vanishing.lower, point.lower);
+    EXPECT_EQ(vanishing.upper, point.upper);
+    EXPECT_EQ(vanishing.facets, point.facets);
+    double before = point.lower;
+    for (const double share : {1e-9, 1e-6, 1e-3, 1e-1}) {
+      const EpsilonBounds soft = boundsAt(share);
+      EXPECT_GE(soft.upper, before - kRoundingTol) << share;
+      EXPECT_LE(soft.lower, point.upper + 0.5 * share + kRoundingTol) << share;
+      before = soft.lower;
+    }
+    nClosed += point.verdict == ForceClosure::closed;
+  }
+  EXPECT_GT(nClosed, 50);
+}
+
 TEST(TrueConeInstructionSets, GiveEqualBits) {
   using polar::InstructionSet;
   std::vector<InstructionSet> sets = {InstructionSet::baseline};
@@ -304,7 +492,7 @@ TEST(TrueConeInstructionSets, GiveEqualBits) {
     CriticalFriction critical;
     for (const InstructionSet set : sets) {
       SCOPED_TRACE(polar::name(set));
-      TrueCones cones(model(0.4, 8, some.torqueScale), set);
+      TrueCones cones(model(0.4, 8, some.torqueScale, seed % 4 < 2 ? 0 : 0.05 * some.torqueScale), set);
       const EpsilonBounds b = cones.epsilonBounds(some.contacts);
       const CriticalFriction c = cones.criticalFriction(some.contacts);
       if (set == InstructionSet::baseline) {

@@ -1,8 +1,11 @@
 #include "quality/force_closure.h"
 #include "support/random_contacts.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
+#include <string>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -73,6 +76,64 @@ TEST(FrictionConeWrenches, ConesAreRegular) {
     expectCone({{0.3, -0.4, 0.5}, n, 0}, 0.8);
   }
   for (const Contact& contact : testing::randomContacts(7, 100)) expectCone(contact, 0.4);
+}
+
+/// Is w = (n + mu (x t + y b); arm x f + mu z e n / s) with x^2 + y^2 + z^2 = 1?
+void expectOnEllipsoid(const Eigen::Matrix<double, 6, 1>& w, const Contact& contact, const WrenchModel& model) {
+  const Eigen::Vector3d f = w.head<3>(), arm = (contact.position - model.centerOfMass) / model.torqueScale;
+  const Eigen::Vector3d moment = (w.tail<3>() - arm.cross(f)) * model.torqueScale;  // N m, about the contact
+  const double along = moment.dot(contact.normal);
+  EXPECT_NEAR(f.dot(contact.normal), 1, kRoundingTol);
+  EXPECT_NEAR((moment - along * contact.normal).norm(), 0, kRoundingTol);
+  const double tangential = (f - contact.normal).norm() / model.friction;
+  EXPECT_NEAR(std::hypot(tangential, along / (model.friction * model.torsionRadius)), 1, 1e-12);
+}
+
+// The edges of the point contact come first, what is added lies on the ellipsoid too, and the poles are among it.
+TEST(SoftFingerWrenches, LieOnTheEllipsoid) {
+  const WrenchModel point{{0.1, -0.2, 0.3}, 1.7, 0.6, 7};
+  WrenchModel soft = point;
+  soft.torsionRadius = 0.05;
+  for (const Contact& contact : testing::randomContacts(3, 50, 0.4)) {
+    const std::vector<Contact> one = {contact};
+    const WrenchMatrix w = frictionConeWrenches(one, soft);
+    ASSERT_EQ(w.cols(), 3 * 7 + 2);
+    EXPECT_EQ(w.leftCols(7), frictionConeWrenches(one, point));
+    double most = 0, least = 0;
+    for (int j = 0; j < w.cols(); ++j) {
+      expectOnEllipsoid(w.col(j), contact, soft);
+      const Eigen::Vector3d arm = (contact.position - soft.centerOfMass) / soft.torqueScale;
+      const double moment = (w.col(j).tail<3>() - arm.cross(w.col(j).head<3>())).dot(contact.normal);
+      most = std::max(most, moment);
+      least = std::min(least, moment);
+    }
+    EXPECT_NEAR(most, 0.6 * 0.05 / 1.7, kRoundingTol);
+    EXPECT_NEAR(least, -0.6 * 0.05 / 1.7, kRoundingTol);
+  }
+}
+
+// How far the generators of eight edges reach at least, of the ellipsoid: 0.885. Without the two parallels at 45
+// degrees it would be 0.68, and what forces and moments do together would be the worst part of a grasp.
+TEST(SoftFingerWrenches, FillTheEllipsoid) {
+  const WrenchModel model{{0, 0, 0}, 1, 1, 8, 1};
+  const std::vector<Contact> contacts = {{{0, 0, 0}, {0, 0, 1}, 0}};  // its wrenches are (x, y, 1; 0, 0, z)
+  const WrenchMatrix w = frictionConeWrenches(contacts, model);
+  const RandomStream stream(1);
+  double all = 1, withoutParallels = 1;
+  for (int i = 0; i < 20'000; ++i) {
+    const Eigen::Vector3d d = testing::randomUnitVector(stream, 2 * static_cast<std::uint64_t>(i));
+    double reach = -1, ofFew = -1;
+    for (int j = 0; j < w.cols(); ++j) {
+      const double value = d.x() * w(0, j) + d.y() * w(1, j) + d.z() * w(5, j);
+      reach = std::max(reach, value);
+      const bool isParallel = std::abs(std::abs(w(5, j)) - std::sqrt(0.5)) < 1e-9;
+      if (!isParallel) ofFew = std::max(ofFew, value);
+    }
+    all = std::min(all, reach);
+    withoutParallels = std::min(withoutParallels, ofFew);
+  }
+  EXPECT_NEAR(all, 0.885, 0.005);
+  EXPECT_NEAR(withoutParallels, 0.68, 0.005);
 }
 
 // Kept memory holds nothing of the sets before, whatever their size.

@@ -108,7 +108,7 @@ TEST(ClosedForm, CoupledJawClosesOnNothing) {
   const GraspTrial trial = run(makeJaw(true), box, fromAbove(0.03));  // too flat to reach between the pads
   EXPECT_EQ(trial.jointPosition[0], 0.0);
   EXPECT_TRUE(trial.centering.isZero());
-  EXPECT_EQ(trial.outcome, GraspOutcome::tooFewContacts);
+  EXPECT_LT(trial.contacts.size(), 3U);
 }
 
 // Centring would push the palm into a step of the object.

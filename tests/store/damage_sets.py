@@ -11,7 +11,7 @@ import sys
 import h5py
 import numpy as np
 
-OPTIONAL = {("/trials", "by_reference")}  # older sets do not have it
+OPTIONAL = {("/trials", "by_reference"), ("/", "torsion_radius")}  # older sets do not have them
 OPTIONAL_DATASETS = {"/grasps/epsilon_lower", "/grasps/epsilon_upper", "/grasps/critical_friction"}
 
 good, folder = sys.argv[1:3]

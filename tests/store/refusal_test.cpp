@@ -135,6 +135,17 @@ TEST(OlderSet, WithoutCountOfTrialsByReference) {
   EXPECT_EQ(readSummary(path).trialsByReference, syntheticSet().trialCount());
 }
 
+// Sets from before soft fingers have contacts that are points.
+TEST(OlderSet, WithoutTorsionRadius) {
+  std::string image = goodBytes().substr(kBlockBytes);
+  image.replace(image.find("torsion_radius"), 14, "torsion_nobody");
+  const TestFolder folder;
+  const fs::path path = folder.path() / "v0001.h5";
+  writeBytes(path, sealed(image, {"mug", "three-finger", 1, syntheticSet().inputHash, 0, ""}));
+  EXPECT_EQ(readGraspSet(path).torsionRadius, 0);
+  EXPECT_EQ(readSummary(path).torsionRadius, 0);
+}
+
 // Sets from before the true cone have no such arrays: their rows read as not known.
 TEST(OlderSet, WithoutTheTrueCone) {
   if (std::system("/usr/bin/python3 -c 'import h5py' 2>/dev/null") != 0) GTEST_SKIP() << "needs python3-h5py";
@@ -201,6 +212,7 @@ TEST(Refusal, WriterChecksTheSet) {
       {"/grasps/backoff is inf at element 2",
        [](GraspSet& s) { s.backoff[2] = std::numeric_limits<float>::infinity(); }},
       {"/trials/outcome is 9 at element 1", [](GraspSet& s) { s.outcome[1] = 9; }},
+      {"/@torsion_radius is -0.001, want >= 0", [](GraspSet& s) { s.torsionRadius = -0.001; }},
       {"/trials@by_reference is 97, want at most 96", [](GraspSet& s) { s.trialsByReference = 97; }},
       {"/grasps/trial row 3 is (12, ", [](GraspSet& s) { s.trial[9] = 12; }},
       {"/grasps/epsilon row 1 is 9 after", [](GraspSet& s) { s.epsilon[1] = 9; }},

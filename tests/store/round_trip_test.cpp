@@ -84,6 +84,7 @@ TEST(RoundTrip, SummaryCountsOutcomes) {
   EXPECT_EQ(summary.preshapes, 2u);
   EXPECT_EQ(summary.grasps, 17u);
   EXPECT_EQ(summary.trialsByReference, set.trialsByReference);
+  EXPECT_EQ(summary.torsionRadius, 0.004);
   EXPECT_EQ(summary.bytes, fs::file_size(path));
   EXPECT_EQ(summary.bestEpsilon, set.epsilon.front());
   EXPECT_EQ(summary.bestEpsilonLower, set.epsilonLower.front());
@@ -163,6 +164,7 @@ struct Change {
 TEST(FirstDifference, NamesTheField) {
   const Change changes[] = {
       {"/@friction", [](GraspSet& s) { s.friction = 0.5; }},
+      {"/@torsion_radius", [](GraspSet& s) { s.torsionRadius = 0; }},
       {"/@job", [](GraspSet& s) { s.job += " "; }},
       {"/@seed", [](GraspSet& s) { ++s.seed; }},
       {"/object/vertices", [](GraspSet& s) { s.objectMesh.vertices[0].x() = 1; }},

@@ -129,6 +129,7 @@ inline GraspSet syntheticSet(const SyntheticSizes& sizes = {}, std::uint64_t see
   set.policy = "surface_normal";
   set.friction = 0.4;
   set.torqueScale = 0.06;
+  set.torsionRadius = 0.004;
   set.pitch = 0.004;
   set.mapPitch = 0.002;
   set.coneEdges = 8;
