@@ -15,6 +15,13 @@ find_package(PNG REQUIRED)
 pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)
 pkg_check_modules(HIGHWAY REQUIRED IMPORTED_TARGET libhwy)
 
+# SuiteSparse 5 comes without a CMake package.
+find_library(CHOLMOD_LIBRARY cholmod REQUIRED)
+find_path(CHOLMOD_INCLUDE_DIR cholmod.h PATH_SUFFIXES suitesparse REQUIRED)
+add_library(cholmod INTERFACE IMPORTED)
+target_link_libraries(cholmod INTERFACE ${CHOLMOD_LIBRARY})
+target_include_directories(cholmod SYSTEM INTERFACE ${CHOLMOD_INCLUDE_DIR})
+
 # Third-party headers are SYSTEM so that our warnings stay about our code.
 foreach(target embree fcl assimp::assimp yaml-cpp)
   get_target_property(directories ${target} INTERFACE_INCLUDE_DIRECTORIES)

@@ -1,6 +1,7 @@
 #include "app/commands.h"
 #include "build/build_set.h"
 #include "core/error.h"
+#include "simulate/actuation.h"
 
 #include <fmt/format.h>
 
@@ -20,6 +21,24 @@ void printStop(const Hand& hand, const ClosingStop& stop) {
 void printContact(const Hand& hand, const Contact& contact) {
   fmt::print("  {:<28} position {}  normal {}\n", hand.links[contact.link].name, text(contact.position),
              text(contact.normal));
+}
+
+void printLoadMargin(const Job& job, const CatalogItem& item, const Hand& hand, const ObjectModel& object,
+                     const GraspTrial& trial) {
+  if (job.loadMargin.grasps == 0) return;
+  if (!hasEffortLimits(hand)) {
+    fmt::print("no load margin: the URDF gives no joint an effort limit\n");
+    return;
+  }
+  const TaskWrenches tasks = taskWrenches(job);
+  LoadMarginSolver solver(wrenchModel(job, item, object, hand));
+  const LoadMargin margin =
+      evaluateLoad(solver, hand, trial.jointPosition, trial.X_OH, trial.contacts, object.mass.centerOfMass, tasks);
+  if (margin.verdict == LoadVerdict::failed) {
+    fmt::print("the load margin could not be computed\n");
+  } else {
+    fmt::print("load margin {:.3f} N over {} tasks ({} iterations)\n", margin.load, tasks.cols(), margin.iterations);
+  }
 }
 
 }  // namespace
@@ -63,6 +82,7 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
   if (result.trial.outcome == GraspOutcome::forceClosed) {
     fmt::print("on the true cone epsilon is {:.6f} to {:.6f}, and force closure needs friction {:.4f}\n",
                result.bounds.lower, result.bounds.upper, result.criticalFriction);
+    printLoadMargin(job, item, hand, object.model, result.trial);
     fmt::print("the straight approach from outside is {}\n", result.approachClear ? "free" : "blocked by the object");
   }
   if (result.trial.outcome == GraspOutcome::notForceClosed) {

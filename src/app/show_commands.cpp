@@ -59,6 +59,9 @@ nlohmann::ordered_json toJson(const GraspSetSummary& s) {
           {"best_epsilon_lower", s.bestEpsilonLower},
           {"best_epsilon_upper", s.bestEpsilonUpper},
           {"least_critical_friction", s.leastCriticalFriction},
+          {"best_load_margin", s.bestLoadMargin},
+          {"largest_load_margin", s.largestLoadMargin},
+          {"load_margins", s.loadMargins},
           {"seconds", seconds},
           {"policy", s.policy},
           {"friction", s.friction},
@@ -94,6 +97,10 @@ void printInfo(const GraspSetSummary& s) {
   if (!std::isnan(s.bestEpsilonLower)) {
     fmt::print("  true cone   epsilon of the same grasp {:.5f} to {:.5f}; least critical friction of any {:.4f}\n",
                s.bestEpsilonLower, s.bestEpsilonUpper, s.leastCriticalFriction);
+  }
+  if (s.loadMargins > 0) {
+    fmt::print("  load margin of the same grasp {:.2f} N; the largest of any {:.2f} N; known for {} grasps\n",
+               s.bestLoadMargin, s.largestLoadMargin, s.loadMargins);
   }
   const double total = totalSeconds(s);
   fmt::print("  core time   {:.2f} s, {:.0f} trials/s a core\n", total,

@@ -5,6 +5,7 @@
 #include "core/file.h"
 #include "core/hash.h"
 #include "core/log.h"
+#include "simulate/actuation.h"
 
 #include <algorithm>
 #include <chrono>
@@ -139,6 +140,7 @@ class JobRun {
     const CatalogItem& item = *object.item;
     const Hand& hand = *pending.hand;
     progress_.begin(item.name + " x " + hand.name, reports_.size());
+    warnWithoutEfforts(hand);
     guarded(item, {pending}, [&] {
       FieldsOfHand* fast = job_.simulation == Simulation::fast ? &fieldsOf(hand) : nullptr;
       std::optional<GraspSet> set = buildSet(job_, object, hand, pending.inputHash, fast ? fast->fields : nullptr,
@@ -152,6 +154,12 @@ class JobRun {
       if (grasps == 0) logWarning(fmt::format("{} x {}: no grasp is force closed", item.name, hand.name));
       logInfo(fmt::format("{} x {}: {} grasps, {}", item.name, hand.name, grasps, path.string()));
     });
+  }
+
+  /// Once a run: a grasp's load margin is then unknown.
+  void warnWithoutEfforts(const Hand& hand) {
+    if (job_.loadMargin.grasps == 0 || hasEffortLimits(hand) || !warned_.insert(hand.name).second) return;
+    logWarning(fmt::format("{}: the URDF gives no joint an effort limit, so there is no load margin", hand.name));
   }
 
   /// Made when the first object needs them, for all others too.
@@ -198,6 +206,7 @@ class JobRun {
   Progress& progress_;
   JobSystem jobs_;
   std::map<std::string, FieldsOfHand> fields_;  // by the hand's contentHash
+  std::set<std::string> warned_;                // hands without efforts
   std::vector<SetReport> reports_;
 };
 

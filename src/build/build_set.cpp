@@ -3,6 +3,7 @@
 #include "build/keep.h"
 #include "core/file.h"
 #include "core/hash.h"
+#include "simulate/actuation.h"
 
 #include <algorithm>
 #include <chrono>
@@ -17,7 +18,7 @@ namespace handhold {
 namespace {
 
 /// Part of every input hash: to be raised whenever a change of ours changes results.
-constexpr int kMethodVersion = 3;
+constexpr int kMethodVersion = 4;
 
 /// The distance map is sampled with this many points for each target point (III-A: "at a finer resolution").
 constexpr std::size_t kMapPointsPerSample = 4;
@@ -105,6 +106,7 @@ void addGrasp(const Job& job, const SampledObject& object, const Hand& hand, con
   set.epsilonLower.push_back(grasp.epsilonLower);
   set.epsilonUpper.push_back(grasp.epsilonUpper);
   set.criticalFriction.push_back(static_cast<float>(grasp.criticalFriction));
+  set.loadMargin.push_back(static_cast<float>(grasp.loadMargin));
   for (const Contact& contact : grasp.contacts) {
     appendVector(set.contactPosition, contact.position);
     appendVector(set.contactNormal, contact.normal);
@@ -185,6 +187,33 @@ void TrialRun::runSample(Worker& worker, std::size_t sample) {
   worker.seconds.add(seconds, (threadSeconds() - processorBefore) / std::max(1e-9, secondsSince(start)));
 }
 
+/// The load margin of the first grasps, each in its own row. Nothing where no joint's effort is known.
+/// @return seconds of the processor, over all threads
+double addLoadMargins(const Job& job, const SampledObject& object, const Hand& hand, const JobSystem& jobs,
+                      const std::atomic<bool>& cancel, std::vector<KeptGrasp>& grasps) {
+  if (!hasEffortLimits(hand)) return 0;
+  const WrenchModel model = wrenchModel(job, *object.item, object.model, hand);
+  const TaskWrenches tasks = taskWrenches(job);
+  struct alignas(64) LoadWorker {
+    LoadMarginSolver solver;
+    double seconds = 0;
+  };
+  std::vector<LoadWorker> workers;
+  for (int i = 0; i < jobs.threads(); ++i) workers.push_back({LoadMarginSolver(model)});
+  const auto run = [&](int worker, std::size_t i) {
+    const double before = threadSeconds();
+    KeptGrasp& grasp = grasps[i];
+    grasp.loadMargin = evaluateLoad(workers[worker].solver, hand, grasp.jointPosition, grasp.X_OH, grasp.contacts,
+                                    model.centerOfMass, tasks)
+                           .load;
+    workers[worker].seconds += threadSeconds() - before;
+  };
+  jobs.run(std::min(grasps.size(), static_cast<std::size_t>(job.loadMargin.grasps)), 1, run, &cancel);
+  double seconds = 0;
+  for (const LoadWorker& worker : workers) seconds += worker.seconds;
+  return seconds;
+}
+
 void setTimings(const SampledObject& object, const std::vector<Worker>& workers, GraspSet& set) {
   set.seconds.insert(object.seconds.begin(), object.seconds.end());
   for (const Worker& worker : workers) {
@@ -246,8 +275,12 @@ std::string inputHash(const Job& job, const CatalogItem& item, const std::string
        {static_cast<double>(job.policy), static_cast<double>(job.samples), job.pitch, static_cast<double>(job.rolls),
         item.friction, static_cast<double>(job.coneEdges), job.contactDistance, static_cast<double>(job.mapNeighbors),
         static_cast<double>(job.keepTop), static_cast<double>(job.keepDiverse), static_cast<double>(job.seed),
-        static_cast<double>(job.simulation)}) {
+        static_cast<double>(job.simulation), static_cast<double>(job.loadMargin.grasps)}) {
     hash.addNumber(number);
+  }
+  if (job.loadMargin.grasps > 0) {
+    const TaskWrenches tasks = taskWrenches(job);
+    for (const double number : tasks.reshaped()) hash.addNumber(number);
   }
   return hash.hex();
 }
@@ -306,10 +339,15 @@ std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, co
   for (auto& some : run.graspsOfSample) std::move(some.begin(), some.end(), std::back_inserter(grasps));
   sortGrasps(grasps);
   keepGrasps(grasps, job.keepTop, job.keepDiverse, object.model.mass.radius);
+  const double tableSeconds = secondsSince(start);
+  set.seconds["load_margin"] = addLoadMargins(job, object, hand, jobs, cancel, grasps);
+  if (cancel) return std::nullopt;
+
+  start = std::chrono::steady_clock::now();
   for (const KeptGrasp& grasp : grasps) addGrasp(job, object, hand, grasp, set);
   addNeighbors(job, object, set);
   for (const Worker& worker : workers) set.trialsByReference += worker.byReference;
-  set.seconds["table"] = secondsSince(start);
+  set.seconds["table"] = tableSeconds + secondsSince(start);
   setTimings(object, workers, set);
   return set;
 }

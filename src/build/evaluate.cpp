@@ -1,6 +1,7 @@
 #include "build/evaluate.h"
 
 #include "core/float_rounding.h"
+#include "simulate/actuation.h"
 
 #include <chrono>
 #include <limits>
@@ -64,6 +65,14 @@ void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones
   result.bounds = cones.exact.epsilonBounds(trial.contacts);
   result.criticalFriction = cones.exact.criticalFriction(trial.contacts).friction;
   clock.addTo(seconds.bounds);
+}
+
+LoadMargin evaluateLoad(LoadMarginSolver& solver, const Hand& hand, const Eigen::VectorXd& jointPosition,
+                        const Eigen::Isometry3d& X_OH, std::span<const Contact> contacts,
+                        const Eigen::Vector3d& centerOfMass, const TaskWrenches& tasks) {
+  Eigen::VectorXd q = jointPosition;
+  for (double& position : q) position = roundedToFloat(position);
+  return solver.solve(contacts, actuationOf(hand, q, X_OH, contacts, centerOfMass), tasks);
 }
 
 }  // namespace handhold

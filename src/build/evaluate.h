@@ -1,10 +1,12 @@
 #pragma once
 
 #include "quality/force_closure.h"
+#include "quality/load_margin.h"
 #include "quality/true_cone.h"
 #include "simulate/grasp_policy.h"
 
 #include <cstdint>
+#include <span>
 
 namespace handhold {
 
@@ -45,5 +47,11 @@ struct StageSeconds {
 /// allocates nothing once it has seen as many contacts.
 void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones, Evaluation& result,
               StageSeconds& seconds);
+
+/// The load margin of a grasp. Joint positions are rounded to 32-bit floats first, as the contacts were, for the same
+/// reason.
+LoadMargin evaluateLoad(LoadMarginSolver& solver, const Hand& hand, const Eigen::VectorXd& jointPosition,
+                        const Eigen::Isometry3d& X_OH, std::span<const Contact> contacts,
+                        const Eigen::Vector3d& centerOfMass, const TaskWrenches& tasks);
 
 }  // namespace handhold

@@ -17,6 +17,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// With 50 directions a load margin takes some tens of milliseconds.
+constexpr std::size_t kMostTaskWrenches = 200;
+
 std::string besides(const std::string& file, const std::string& path) {
   return (fs::path(file).parent_path() / path).lexically_normal().string();
 }
@@ -176,8 +179,30 @@ void readSimulation(const YamlValue& simulation, Job& job) {
   }
 }
 
+/// [fx, fy, fz, tx, ty, tz], not all zero.
+Eigen::Matrix<double, 6, 1> readWrench(const YamlValue& wrench) {
+  constexpr const char* kWanted = "six numbers that are not all 0: force [N] and torque [N m] for each newton of load";
+  Eigen::Matrix<double, 6, 1> result;
+  if (wrench.items().size() != 6) wrench.refuse(kWanted);
+  for (int i = 0; i < 6; ++i) result[i] = wrench.items()[static_cast<std::size_t>(i)].number();
+  if (result.isZero(0)) wrench.refuse(kWanted);
+  return result;
+}
+
+void readLoadMargin(const YamlValue& margin, LoadMarginSettings& settings) {
+  margin.allowKeys({"grasps", "directions", "wrenches"});
+  if (const YamlValue* grasps = margin.find("grasps")) settings.grasps = grasps->integer(0, 1'000'000'000);
+  if (const YamlValue* directions = margin.find("directions")) settings.directions = directions->integer(6, 50);
+  if (const YamlValue* wrenches = margin.find("wrenches")) {
+    for (const YamlValue& wrench : wrenches->items()) settings.taskWrenches.push_back(readWrench(wrench));
+    if (settings.taskWrenches.size() > kMostTaskWrenches)
+      wrenches->fail(fmt::format("has {} wrenches, want at most {}", settings.taskWrenches.size(), kMostTaskWrenches));
+  }
+}
+
 void readQuality(const YamlValue& quality, Job& job) {
-  quality.allowKeys({"friction", "cone_edges", "contact_distance"});
+  quality.allowKeys({"friction", "cone_edges", "contact_distance", "load_margin"});
+  if (const YamlValue* margin = quality.find("load_margin")) readLoadMargin(*margin, job.loadMargin);
   if (const YamlValue* friction = quality.find("friction")) job.friction = friction->positiveNumber();
   if (const YamlValue* edges = quality.find("cone_edges")) job.coneEdges = edges->integer(3, 64);
   if (const YamlValue* distance = quality.find("contact_distance")) {
@@ -224,6 +249,15 @@ ReferenceSettings policySettings(const Job& job) {
   ReferenceSettings settings;
   settings.contactDistance = job.contactDistance;
   return settings;
+}
+
+TaskWrenches taskWrenches(const Job& job) {
+  const auto& own = job.loadMargin.taskWrenches;
+  const TaskWrenches weight = weightDirections(job.loadMargin.directions);
+  TaskWrenches tasks(6, weight.cols() + static_cast<Eigen::Index>(own.size()));
+  tasks.leftCols(weight.cols()) = weight;
+  for (std::size_t i = 0; i < own.size(); ++i) tasks.col(weight.cols() + static_cast<Eigen::Index>(i)) = own[i];
+  return tasks;
 }
 
 std::vector<Hand> loadHands(const Job& job, const PackagePaths& packages) {

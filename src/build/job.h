@@ -2,6 +2,7 @@
 
 #include "hand/hand.h"
 #include "mesh/object.h"
+#include "quality/load_margin.h"
 #include "simulate/grasp_policy.h"
 
 #include <cstdint>
@@ -24,6 +25,13 @@ struct CatalogItem {
 /// Which implementation of the policy runs the trials.
 enum class Simulation { fast, reference };
 
+/// For which loads, and for how many grasps of a set, the load margin is computed.
+struct LoadMarginSettings {
+  int grasps = 200;                                       // the best by epsilon; 0: none
+  int directions = 14;                                    // of the object's weight
+  std::vector<Eigen::Matrix<double, 6, 1>> taskWrenches;  // beside them, as TaskWrenches has them
+};
+
 /// What a job file says (contract in the README). Paths are made relative to the working folder.
 struct Job {
   std::string path, text;
@@ -38,6 +46,7 @@ struct Job {
   double friction = 0.4;
   int coneEdges = 8;
   double contactDistance = ReferenceSettings{}.contactDistance;  // m
+  LoadMarginSettings loadMargin;
   int mapNeighbors = 8;
   std::size_t keepTop = 0;  // 0: all
   bool keepDiverse = false;
@@ -49,6 +58,9 @@ Job loadJob(const std::string& path);
 
 /// The settings of both policies with what the job says.
 ReferenceSettings policySettings(const Job& job);
+
+/// The weight in all directions, then the job's own wrenches.
+TaskWrenches taskWrenches(const Job& job);
 
 /// The hands of a job, by name, with the job's choice of preshapes. @throws InputError
 std::vector<Hand> loadHands(const Job& job, const PackagePaths& packages = {});

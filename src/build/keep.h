@@ -3,6 +3,7 @@
 #include "quality/contact.h"
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -19,6 +20,7 @@ struct KeptGrasp {
   double epsilonLower = 0, epsilonUpper = 0, criticalFriction = 0;  // on the true cone
   Eigen::VectorXd jointPosition;
   std::vector<Contact> contacts;
+  double loadMargin = std::numeric_limits<double>::quiet_NaN();  // N, of the best by epsilon
 };
 
 /// Falling epsilon, ties by trial: the order of the database.

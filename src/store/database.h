@@ -26,6 +26,9 @@ struct GraspSetSummary {
   double bestEpsilonLower = std::numeric_limits<double>::quiet_NaN();  // of the same grasp; NaN: not known
   double bestEpsilonUpper = std::numeric_limits<double>::quiet_NaN();
   double leastCriticalFriction = std::numeric_limits<double>::quiet_NaN();
+  double bestLoadMargin = std::numeric_limits<double>::quiet_NaN();     // N, of the grasp with the best epsilon
+  double largestLoadMargin = std::numeric_limits<double>::quiet_NaN();  // N, of any
+  std::size_t loadMargins = 0;                                          // grasps that have one
   std::map<std::string, double> seconds;
   std::string created, host;
   std::vector<std::string> objectNotes;

@@ -55,6 +55,7 @@ struct GraspSet {
   std::vector<double> epsilonLower;            // (n) on the true cone, as the two below; NaN: not known
   std::vector<double> epsilonUpper;            // (n)
   std::vector<float> criticalFriction;         // (n)
+  std::vector<float> loadMargin;               // (n) [N]; NaN: not known, +infinity: no known limit bounds it
   std::vector<std::uint32_t> contactBegin{0};  // (n+1)
 
   // contacts

@@ -41,10 +41,10 @@ using Sizes = std::map<char, std::size_t>;
 Sizes sizesOf(const GraspSet& set);
 
 /// Arrays of /grasps that older sets do not have: NaN in every row then. A row may have NaN in newer ones too.
-inline constexpr std::string_view kTrueConeArrays[] = {"/grasps/epsilon_lower", "/grasps/epsilon_upper",
-                                                       "/grasps/critical_friction"};
-inline bool isTrueConeArray(std::string_view path) {
-  return std::find(std::begin(kTrueConeArrays), std::end(kTrueConeArrays), path) != std::end(kTrueConeArrays);
+inline constexpr std::string_view kLaterArrays[] = {"/grasps/epsilon_lower", "/grasps/epsilon_upper",
+                                                    "/grasps/critical_friction", "/grasps/load_margin"};
+inline bool isLaterArray(std::string_view path) {
+  return std::find(std::begin(kLaterArrays), std::end(kLaterArrays), path) != std::end(kLaterArrays);
 }
 
 /// visit(PATH, MEMBER, SYMBOLS) for every array of numbers but the meshes and /timings.
@@ -67,6 +67,7 @@ void forEachArray(const Visit& visit) {
   visit("/grasps/epsilon_lower", &GraspSet::epsilonLower, "n");
   visit("/grasps/epsilon_upper", &GraspSet::epsilonUpper, "n");
   visit("/grasps/critical_friction", &GraspSet::criticalFriction, "n");
+  visit("/grasps/load_margin", &GraspSet::loadMargin, "n");
   visit("/grasps/contact_begin", &GraspSet::contactBegin, "+");
   visit("/contacts/position", &GraspSet::contactPosition, "C3");
   visit("/contacts/normal", &GraspSet::contactNormal, "C3");

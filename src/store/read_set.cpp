@@ -197,7 +197,7 @@ void readArrays(const Hdf5View& file, GraspSet& set) {
   forEachArray([&](const char* path, auto member, std::string_view symbols) {
     auto& values = set.*member;
     if constexpr (std::is_floating_point_v<typename std::decay_t<decltype(values)>::value_type>) {
-      if (isTrueConeArray(path) && !file.has(path)) {  // from before them
+      if (isLaterArray(path) && !file.has(path)) {  // from before them
         values.assign(sizes.at('n'), std::nanf(""));
         return;
       }
@@ -251,8 +251,9 @@ GraspSet decodeGraspSet(const Hdf5View& file, const SetBlock& block) {
   return set;
 }
 
-/// Of the first grasp its bounds, of all the least critical friction; NaN where no row has a number.
-void readTrueCone(const Hdf5View& file, Sizes& sizes, GraspSetSummary& summary) {
+/// Of the first grasp its bounds and load margin, of all the least critical friction and the largest load margin; NaN
+/// where no row has a number.
+void readLaterArrays(const Hdf5View& file, Sizes& sizes, GraspSetSummary& summary) {
   Shape shape;
   const auto read = [&]<class T>(const char* path, T) {
     if (!file.has(path)) return std::vector<T>{};
@@ -265,6 +266,12 @@ void readTrueCone(const Hdf5View& file, Sizes& sizes, GraspSetSummary& summary) 
   if (!upper.empty()) summary.bestEpsilonUpper = upper.front();
   for (const float friction : read("/grasps/critical_friction", 0.0f)) {
     summary.leastCriticalFriction = std::fmin(summary.leastCriticalFriction, friction);
+  }
+  const std::vector<float> margins = read("/grasps/load_margin", 0.0f);
+  if (!margins.empty()) summary.bestLoadMargin = margins.front();
+  for (const float margin : margins) {
+    summary.largestLoadMargin = std::fmax(summary.largestLoadMargin, margin);
+    summary.loadMargins += std::isnan(margin) ? 0 : 1;
   }
 }
 
@@ -324,7 +331,7 @@ GraspSetSummary readSummary(const fs::path& path) {
   summary.bytes = kBlockBytes + block.bytes;
   summary.outcomes = countOutcomes(file, outcome);
   summary.bestEpsilon = epsilon.empty() ? 0 : epsilon.front();
-  readTrueCone(file, sizes, summary);
+  readLaterArrays(file, sizes, summary);
   readTimings(file, summary.seconds, summary.host, summary.created);
   summary.objectNotes = file.texts("/object/notes");
   return summary;

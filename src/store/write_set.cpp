@@ -101,9 +101,11 @@ void checkArrays(const GraspSet& set, std::string_view where) {
     }
     if constexpr (std::is_floating_point_v<std::decay_t<decltype(values[0])>>) {
       if (path == "/trials/epsilon") return;  // NaN there means that it was not evaluated
-      const bool allowsNan = isTrueConeArray(path);
+      const bool allowsNan = isLaterArray(path), allowsInfinity = path == "/grasps/load_margin";
       for (std::size_t i = 0; i < count; ++i) {
-        if (!std::isfinite(values[i]) && !(allowsNan && std::isnan(values[i]))) {
+        const bool isAllowed =
+            std::isfinite(values[i]) || (allowsNan && std::isnan(values[i])) || (allowsInfinity && values[i] > 0);
+        if (!isAllowed) {
           refuse(where, fmt::format("{} is {} at element {}, want a number", path, values[i], i));
         }
       }
@@ -141,6 +143,9 @@ void checkRows(const GraspSet& set, std::string_view where) {
     if (set.epsilonLower[row] > set.epsilonUpper[row]) {
       refuse(where, fmt::format("/grasps/epsilon_lower row {} is {}, want at most epsilon_upper {}", row,
                                 set.epsilonLower[row], set.epsilonUpper[row]));
+    }
+    if (set.loadMargin[row] < 0) {
+      refuse(where, fmt::format("/grasps/load_margin row {} is {}, want at least 0", row, set.loadMargin[row]));
     }
   }
 }

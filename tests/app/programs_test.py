@@ -70,13 +70,18 @@ class Programs(unittest.TestCase):
         self.assertIn("t_bar", table)
         info = json.loads(run("info", self.db / "t_bar/jaw/v0001.h5", "--format", "json").stdout)
         for key in ("object", "hand", "set_version", "samples", "rolls", "preshapes", "trials", "outcomes", "grasps",
-                    "best_epsilon", "best_epsilon_lower", "best_epsilon_upper", "least_critical_friction", "seconds",
-                    "trials_by_reference"):
+                    "best_epsilon", "best_epsilon_lower", "best_epsilon_upper", "least_critical_friction", "best_load_margin",
+                    "largest_load_margin", "load_margins", "seconds", "trials_by_reference"):
             self.assertIn(key, info)
         self.assertLessEqual(info["best_epsilon"], info["best_epsilon_upper"] + 1e-9)
         self.assertLessEqual(info["best_epsilon_lower"], info["best_epsilon_upper"])
         self.assertLessEqual(info["least_critical_friction"], info["friction"] + 1e-6)
         self.assertIn("bounds", info["seconds"])
+        self.assertGreater(info["best_load_margin"], 0)
+        self.assertLessEqual(info["best_load_margin"], info["largest_load_margin"])
+        self.assertEqual(info["load_margins"], min(200, info["grasps"]))
+        self.assertIn("load_margin", info["seconds"])
+        self.assertRegex(run("info", self.db / "t_bar").stdout, r"load margin of the same grasp \d+\.\d+ N")
         self.assertRegex(run("info", self.db / "t_bar").stdout, r"true cone   epsilon of the same grasp 0\.\d+ to 0\.\d+")
         self.assertEqual(info["trials"], info["samples"] * info["rolls"] * info["preshapes"])
         self.assertEqual(sum(info["outcomes"].values()), info["trials"])
@@ -102,6 +107,7 @@ class Programs(unittest.TestCase):
         self.assertRegex(result.stdout, r"on the true cone epsilon is 0\.\d+ to 0\.\d+, and force closure needs friction 0\.\d+")
         self.assertIn("backed off by", result.stdout)
         self.assertFalse(self.db.exists())
+        self.assertRegex(result.stdout, r"load margin \d+\.\d+ N over 14 tasks")
         beyond = self.build("--object", "t_bar", "--hand", "jaw", "--trial", 10**6, objects=("t_bar.ply",))
         self.assert_refused(beyond, "--trial 1000000", "want 0 to")
 

@@ -8,6 +8,7 @@
 #include "bench/check_verdicts.h"
 #include "bench/clp_margin.h"
 #include "bench/grasp_like_contacts.h"
+#include "bench/timings.h"
 #include "quality/columns.h"
 #include "quality/force_closure.h"
 #include "quality/references.h"
@@ -15,11 +16,9 @@
 #include "support/random_contacts.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <exception>
-#include <fstream>
 #include <numbers>
 #include <string>
 #include <string_view>
@@ -32,7 +31,12 @@ namespace handhold {
 namespace {
 
 using bench::ClpMargin;
+using bench::cpuModel;
 using bench::graspLikeContacts;
+using bench::microsecondsNow;
+using bench::quantile;
+using bench::timed;
+using bench::Timings;
 using bench::VerdictCounts;
 using nlohmann::ordered_json;
 
@@ -40,11 +44,6 @@ constexpr int kConeEdges = 8;
 constexpr double kFriction = 0.5;
 constexpr int kManyEdges = 64;
 constexpr double kLpMargin = 1e-10;  // a weight of the balance; the LP solvers stop at 1e-9 and a closed set has more
-
-double microsecondsNow() {
-  const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  return std::chrono::duration<double, std::micro>(now).count();
-}
 
 struct Family {
   const char* name;
@@ -62,50 +61,6 @@ WrenchModel modelOf(const Family& family, double friction = kFriction, int coneE
 
 WrenchMatrix instance(const Family& family, int nContacts, std::uint64_t seed) {
   return frictionConeWrenches(contactsOf(family, nContacts, seed), modelOf(family));
-}
-
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return std::nan("");
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
-
-/// Times of single calls in repeats; each repeat has instances of its own.
-class Timings {
- public:
-  void startRepeat() { repeats_.emplace_back(); }
-  void add(double microseconds) { repeats_.back().push_back(microseconds); }
-  double median() const { return quantile(all(), 0.5); }
-
-  ordered_json json() const {
-    std::vector<double> medians;
-    for (const auto& repeat : repeats_) {
-      if (!repeat.empty()) medians.push_back(quantile(repeat, 0.5));
-    }
-    if (medians.empty()) return nullptr;
-    const auto [least, most] = std::minmax_element(medians.begin(), medians.end());
-    return {{"median_us", median()},     {"p90_us", quantile(all(), 0.9)}, {"calls", all().size()},
-            {"repeats", medians.size()}, {"median_min_us", *least},        {"median_max_us", *most}};
-  }
-
- private:
-  std::vector<double> all() const {
-    std::vector<double> values;
-    for (const auto& repeat : repeats_) values.insert(values.end(), repeat.begin(), repeat.end());
-    return values;
-  }
-
-  std::vector<std::vector<double>> repeats_;
-};
-
-/// The value of a call; its time goes to the timings.
-template <class Call>
-auto timed(Timings& timings, const Call& call) {
-  const double before = microsecondsNow();
-  const auto value = call();
-  timings.add(microsecondsNow() - before);
-  return value;
 }
 
 struct Sizes {
@@ -267,14 +222,6 @@ ordered_json benchTrueCone(const Family& family, int nContacts, const Sizes& siz
           {"critical_friction", critical.json()},
           {"confirmed", nConfirmed},
           {"not_confirmed", notConfirmed}};
-}
-
-std::string cpuModel() {
-  std::ifstream file("/proc/cpuinfo");
-  for (std::string line; std::getline(file, line);) {
-    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
-  }
-  return "unknown";
 }
 
 /// Median cost of reading the clock twice; part of every time.

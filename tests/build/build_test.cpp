@@ -123,8 +123,8 @@ TEST_F(Build, SetsSayWhichPolicyRanTheirTrials) {
     EXPECT_LE(a.trialsByReference, b.trialsByReference);
     EXPECT_FALSE(b.seconds.contains("fields"));
     EXPECT_EQ(a.seconds.at("fields") > 0, i == 0);  // counted in the first set that needs them
-    for (const char* stage :
-         {"load", "sample", "prepare", "policy", "force_closure", "epsilon", "approach", "bounds", "table"}) {
+    for (const char* stage : {"load", "sample", "prepare", "policy", "force_closure", "epsilon", "approach", "bounds",
+                              "load_margin", "table"}) {
       EXPECT_GE(a.seconds.at(stage), 0) << stage;
     }
     EXPECT_GT(a.seconds.at("policy"), 0);
@@ -175,6 +175,64 @@ TEST_F(Build, SoftFingersOfAHand) {
   }
   EXPECT_GT(nNew, 0U);
   expectRecomputed(soft);
+}
+
+// The best by epsilon have a load margin, as many as the job says; it is found again from the record.
+TEST_F(Build, LoadMarginsAreOfTheBestGrasps) {
+  const Job mug = job(entry("mug", "mug.obj"), "barrett");
+  Job few = mug, none = mug;
+  few.loadMargin = {5, 8, {}};
+  none.loadMargin.grasps = 0;
+  const auto report = build(few, "few", 2);
+  const GraspSet set = readGraspSet(report[0].summary.path);
+  ASSERT_GT(set.graspCount(), 5U);
+  const Hand hand = loadHands(few)[0];
+  LoadMarginSolver solver({set.centerOfMass, set.torqueScale, set.friction, set.coneEdges});
+  for (std::size_t i = 0; i < set.graspCount(); ++i) {
+    ASSERT_EQ(std::isnan(set.loadMargin[i]), i >= 5) << i;
+    if (i >= 5) continue;
+    EXPECT_GT(set.loadMargin[i], 0);
+    std::vector<Contact> contacts;
+    for (std::size_t c = set.contactBegin[i]; c < set.contactBegin[i + 1]; ++c) {
+      const auto vector = [&](const std::vector<float>& v) {
+        return Eigen::Vector3d(v[3 * c], v[3 * c + 1], v[3 * c + 2]);
+      };
+      contacts.push_back({vector(set.contactPosition), vector(set.contactNormal), set.contactLink[c]});
+    }
+    const double* pose = &set.handPose[7 * i];
+    Eigen::Isometry3d X_OH(Eigen::Quaterniond(pose[6], pose[3], pose[4], pose[5]));
+    X_OH.translation() = Eigen::Vector3d(pose[0], pose[1], pose[2]);
+    const std::size_t nJoints = set.jointNames.size();
+    const Eigen::VectorXd q =
+        Eigen::Map<const Eigen::VectorXf>(&set.jointPosition[nJoints * i], static_cast<Eigen::Index>(nJoints))
+            .cast<double>();
+    const LoadMargin margin = evaluateLoad(solver, hand, q, X_OH, contacts, set.centerOfMass, weightDirections(8));
+    EXPECT_NEAR(margin.load, set.loadMargin[i], 1e-5 * margin.load);
+  }
+  EXPECT_EQ(report[0].summary.loadMargins, 5U);
+  EXPECT_EQ(build(none, "none", 2)[0].summary.loadMargins, 0U);
+
+  const std::string hash = meshHash(mug.catalog[0]);
+  const auto inputs = [&](const Job& some) { return inputHash(some, some.catalog[0], hash, hand); };
+  Job other = mug;
+  other.loadMargin.taskWrenches.push_back(Eigen::Matrix<double, 6, 1>::Ones());
+  EXPECT_NE(inputs(few), inputs(mug));
+  EXPECT_NE(inputs(none), inputs(mug));
+  EXPECT_NE(inputs(other), inputs(mug));
+}
+
+// A hand whose joints have no effort: the set is built, without margins.
+TEST_F(Build, AHandWithoutEffortsHasNoLoadMargins) {
+  Job box = job(entry("box", "box.stl"), "barrett");
+  std::vector<Hand> hands = loadHands(box);
+  for (HandJoint& joint : hands[0].joints) joint.effort = 0;
+  BuildOptions options;
+  options.threads = 2;
+  options.progress = ProgressMode::none;
+  const auto reports = buildJob(box, hands, Database(folder_ / "db"), options, never_);
+  ASSERT_EQ(reports[0].state, SetReport::State::built);
+  EXPECT_GT(reports[0].summary.grasps, 0U);
+  EXPECT_EQ(reports[0].summary.loadMargins, 0U);
 }
 
 TEST_F(Build, UnchangedInputsWriteNothingChangedOnesTheNextVersion) {

@@ -61,6 +61,9 @@ TEST_F(JobFile, DefaultsAreThoseOfTheContract) {
   EXPECT_EQ(job.coneEdges, 8);
   EXPECT_EQ(job.keepTop, 0U);
   EXPECT_EQ(job.seed, 1U);
+  EXPECT_EQ(job.loadMargin.grasps, 200);
+  EXPECT_EQ(job.loadMargin.directions, 14);
+  EXPECT_TRUE(job.loadMargin.taskWrenches.empty());
   ASSERT_EQ(job.catalog.size(), 1U);
   EXPECT_EQ(job.catalog[0].mesh, (folder_ / "meshes/a.obj").string());
   EXPECT_EQ(job.handPaths[0], (folder_ / "hand").string());
@@ -114,6 +117,40 @@ TEST_F(JobFile, RefusesUnknownKeysAnywhere) {
               HasSubstr("job.yaml:4: sampling.roll is not a known key"));
   EXPECT_THAT(refusal("  - {name: a, mesh: a.obj, colour: red}\n"),
               HasSubstr("job.yaml:2: catalog[0].colour is not a known key"));
+}
+
+TEST_F(JobFile, LoadMarginHasTasks) {
+  const auto with = [&](const std::string& margin) {
+    return load(good_, "sampling: {samples: 10}\nquality: {load_margin: " + margin + "}\n");
+  };
+  EXPECT_EQ(with("{grasps: 0}").loadMargin.grasps, 0);
+  const Job job = with("{directions: 6, wrenches: [[1, 0, 0, 0, 0, 0.1], [0, 0, 0, 0, 2, 0]]}");
+  EXPECT_EQ(job.loadMargin.directions, 6);
+  const TaskWrenches tasks = taskWrenches(job);
+  ASSERT_EQ(tasks.cols(), 8);
+  EXPECT_TRUE(tasks.leftCols(6) == weightDirections(6));
+  EXPECT_EQ(tasks(5, 6), 0.1);
+  EXPECT_EQ(tasks(4, 7), 2);
+}
+
+TEST_F(JobFile, RefusesOtherLoads) {
+  const auto refused = [&](const std::string& margin) {
+    return refusal(good_, "sampling: {samples: 10}\nquality: {load_margin: " + margin + "}\n");
+  };
+  EXPECT_THAT(refused("{grasp: 5}"), HasSubstr("job.yaml:5: quality.load_margin.grasp is not a known key"));
+  EXPECT_THAT(refused("{grasps: -1}"), HasSubstr("quality.load_margin.grasps is \"-1\""));
+  EXPECT_THAT(refused("{directions: 5}"), HasSubstr("quality.load_margin.directions is \"5\""));
+  EXPECT_THAT(refused("{directions: 51}"), HasSubstr("quality.load_margin.directions is \"51\""));
+  EXPECT_THAT(refused("{wrenches: 3}"), HasSubstr("quality.load_margin.wrenches"));
+  for (const char* wrench : {"[1, 2, 3]", "[0, 0, 0, 0, 0, 0]", "7"}) {
+    EXPECT_THAT(refused(std::string("{wrenches: [[1, 0, 0, 0, 0, 0], ") + wrench + "]}"),
+                AllOf(HasSubstr("job.yaml:5: quality.load_margin.wrenches[1]")))
+        << wrench;
+  }
+  EXPECT_THAT(refused("{wrenches: [[1, 0, 0, 0, 0, .nan]]}"), HasSubstr("quality.load_margin.wrenches[0][5]"));
+  std::string many = "[1, 0, 0, 0, 0, 0]";
+  for (int i = 0; i < 200; ++i) many += ", [1, 0, 0, 0, 0, 0]";
+  EXPECT_THAT(refused("{wrenches: [" + many + "]}"), HasSubstr("has 201 wrenches, want at most 200"));
 }
 
 TEST_F(JobFile, RefusesARepeatedKey) {

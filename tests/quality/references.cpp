@@ -47,6 +47,37 @@ double glpkMargin(const WrenchMatrix& wrenches) {
   return glp_get_status(lp) == GLP_NOFEAS ? -HUGE_VAL : std::numeric_limits<double>::quiet_NaN();
 }
 
+double glpkLoad(const TaskProgram& program) {
+  const int n = program.columns();
+  const std::unique_ptr<glp_prob, void (*)(glp_prob*)> problem(glp_create_prob(), glp_delete_prob);
+  glp_prob* lp = problem.get();
+  glp_set_obj_dir(lp, GLP_MAX);
+  glp_add_rows(lp, program.rows);
+  for (int row = 0; row < program.rows; ++row) {
+    const bool isFixed = program.lower[row] == program.upper[row];
+    glp_set_row_bnds(lp, row + 1, isFixed ? GLP_FX : GLP_DB, program.lower[row], program.upper[row]);
+  }
+  glp_add_cols(lp, n);
+  for (int j = 0; j < n; ++j) {
+    std::vector<int> rows = {0};
+    std::vector<double> values = {0};
+    for (int i = program.start[j]; i < program.start[j + 1]; ++i) {
+      rows.push_back(program.row[i] + 1);
+      values.push_back(program.value[i]);
+    }
+    glp_set_col_bnds(lp, j + 1, GLP_LO, 0, 0);
+    glp_set_mat_col(lp, j + 1, static_cast<int>(rows.size()) - 1, rows.data(), values.data());
+  }
+  glp_set_obj_coef(lp, n, 1);
+  glp_smcp options;
+  glp_init_smcp(&options);
+  options.msg_lev = GLP_MSG_OFF;
+  options.tol_bnd = options.tol_dj = 1e-9;
+  if (glp_simplex(lp, &options) != 0) return std::numeric_limits<double>::quiet_NaN();
+  if (glp_get_status(lp) == GLP_OPT) return glp_get_obj_val(lp);
+  return glp_get_status(lp) == GLP_UNBND ? HUGE_VAL : std::numeric_limits<double>::quiet_NaN();
+}
+
 double qhullEpsilon(const WrenchMatrix& wrenches) {
   WrenchMatrix points = wrenches;
   char options[] = "qhull Qt";

@@ -114,6 +114,16 @@ def true_cone_defect(file):
     return None
 
 
+def load_margin_defect(file):
+    """Loads are not negative; NaN and infinity are allowed."""
+    if "grasps/load_margin" not in file:
+        return None  # told already
+    margin = np.asarray(file["grasps/load_margin"][()], float)
+    if np.any(margin < 0):
+        return f"/grasps/load_margin is {np.nanmin(margin):g} in a row, want at least 0 or NaN"
+    return None
+
+
 def defects(path, rows):
     found = []
     with h5py.File(path, "r", locking=False) as file:
@@ -133,6 +143,7 @@ def defects(path, rows):
             else:
                 found.append(shape_defect(name, item[1], shape, sizes) or unit_defect(name, item[2], unit))
         found.append(true_cone_defect(file))
+        found.append(load_margin_defect(file))
         present, empty_groups = contents(file)
         found += [f"{name} is not in the table" for name in sorted((present | empty_groups) - named)]
     return [defect for defect in found if defect], len(named), sizes

@@ -12,7 +12,8 @@ import h5py
 import numpy as np
 
 OPTIONAL = {("/trials", "by_reference"), ("/", "torsion_radius")}  # older sets do not have them
-OPTIONAL_DATASETS = {"/grasps/epsilon_lower", "/grasps/epsilon_upper", "/grasps/critical_friction"}
+OPTIONAL_DATASETS = {"/grasps/epsilon_lower", "/grasps/epsilon_upper", "/grasps/critical_friction",
+                     "/grasps/load_margin"}
 
 good, folder = sys.argv[1:3]
 count = 0
@@ -116,6 +117,8 @@ damage(edited("/grasps/epsilon", 4, 5.0), "/grasps/epsilon row 4 is 5 after ")
 damage(edited("/grasps/epsilon", 4, np.nan), "/grasps/epsilon is nan at element 4")
 damage(edited("/grasps/epsilon_lower", 3, 5.0), "/grasps/epsilon_lower row 3 is 5, want at most epsilon_upper")
 damage(edited("/grasps/epsilon_upper", 3, np.inf), "/grasps/epsilon_upper is inf at element 3")
+damage(edited("/grasps/load_margin", 2, -0.5), "/grasps/load_margin row 2 is -0.5, want at least 0")
+damage(edited("/grasps/load_margin", 2, -np.inf), "/grasps/load_margin is -inf at element 2")
 damage(edited("/grasps/contact_begin", 0, 1), "/grasps/contact_begin starts with 1, want 0")
 damage(edited("/grasps/contact_begin", 3, 1), "/grasps/contact_begin row 3 is 1 after ")
 damage(edited("/grasps/contact_begin", -1, 10**6), "/grasps/contact_begin ends with 1000000, want")

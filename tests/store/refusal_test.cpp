@@ -146,8 +146,8 @@ TEST(OlderSet, WithoutTorsionRadius) {
   EXPECT_EQ(readSummary(path).torsionRadius, 0);
 }
 
-// Sets from before the true cone have no such arrays: their rows read as not known.
-TEST(OlderSet, WithoutTheTrueCone) {
+// Sets from before the true cone and the load margin have no such arrays: their rows read as not known.
+TEST(OlderSet, WithoutLaterArrays) {
   if (std::system("/usr/bin/python3 -c 'import h5py' 2>/dev/null") != 0) GTEST_SKIP() << "needs python3-h5py";
   const TestFolder folder;
   const fs::path path = folder.path() / "v0001.h5";
@@ -155,7 +155,7 @@ TEST(OlderSet, WithoutTheTrueCone) {
   const std::string code =
       "import h5py, sys; f = h5py.File(sys.argv[1], 'r+', locking=False); "
       "[f.__delitem__('grasps/' + n) for n in "
-      "('epsilon_lower', 'epsilon_upper', 'critical_friction')]";
+      "('epsilon_lower', 'epsilon_upper', 'critical_friction', 'load_margin')]";
   ASSERT_EQ(std::system(("/usr/bin/python3 -c \"" + code + "\" " + path.string()).c_str()), 0);
   writeBytes(path,
              sealed(bytesOf(path).substr(kBlockBytes), {"mug", "three-finger", 1, syntheticSet().inputHash, 0, ""}));
@@ -164,10 +164,14 @@ TEST(OlderSet, WithoutTheTrueCone) {
   EXPECT_TRUE(std::isnan(set.epsilonLower[0]));
   EXPECT_TRUE(std::isnan(set.epsilonUpper[0]));
   EXPECT_TRUE(std::isnan(set.criticalFriction[0]));
+  ASSERT_EQ(set.loadMargin.size(), set.graspCount());
+  EXPECT_TRUE(std::isnan(set.loadMargin[0]));
   const GraspSetSummary summary = readSummary(path);
   EXPECT_EQ(summary.grasps, set.graspCount());
   EXPECT_TRUE(std::isnan(summary.bestEpsilonLower));
   EXPECT_TRUE(std::isnan(summary.leastCriticalFriction));
+  EXPECT_TRUE(std::isnan(summary.bestLoadMargin));
+  EXPECT_EQ(summary.loadMargins, 0U);
 }
 
 // Whole files whose content contradicts db/FORMAT.md. h5py makes them, so the reader is held against another writer.
@@ -221,6 +225,7 @@ TEST(Refusal, WriterChecksTheSet) {
       {"/grasps/epsilon_lower row 2 is 9, want at most epsilon_upper", [](GraspSet& s) { s.epsilonLower[2] = 9; }},
       {"/grasps/critical_friction is inf at element 2",
        [](GraspSet& s) { s.criticalFriction[2] = std::numeric_limits<float>::infinity(); }},
+      {"/grasps/load_margin row 0 is -1, want at least 0", [](GraspSet& s) { s.loadMargin[0] = -1; }},
       {"/grasps/contact_begin row 2 is 0 after 2", [](GraspSet& s) { s.contactBegin[2] = 0; }},
       {"/grasps/contact_begin starts with 1", [](GraspSet& s) { s.contactBegin[0] = 1; }},
       {"/contacts/link row 0 is 5, want below 5", [](GraspSet& s) { s.contactLink[0] = 5; }},

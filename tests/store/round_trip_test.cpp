@@ -27,6 +27,8 @@ TEST(RoundTrip, KeepsEveryField) {
   EXPECT_EQ(copy.epsilonLower.front(), set.epsilonLower.front());
   EXPECT_TRUE(std::isnan(copy.epsilonUpper.back()));
   EXPECT_TRUE(std::isnan(copy.criticalFriction.back()));
+  EXPECT_EQ(copy.loadMargin[1], std::numeric_limits<float>::infinity());
+  EXPECT_TRUE(std::isnan(copy.loadMargin.back()));
   EXPECT_EQ(copy.generator, set.generator);
   EXPECT_EQ(copy.seconds, set.seconds);
   EXPECT_EQ(copy.host, set.host);
@@ -90,6 +92,9 @@ TEST(RoundTrip, SummaryCountsOutcomes) {
   EXPECT_EQ(summary.bestEpsilonLower, set.epsilonLower.front());
   EXPECT_EQ(summary.bestEpsilonUpper, set.epsilonUpper.front());
   EXPECT_EQ(summary.leastCriticalFriction, set.criticalFriction.front());  // past the grasp that has none
+  EXPECT_EQ(summary.bestLoadMargin, set.loadMargin.front());
+  EXPECT_EQ(summary.largestLoadMargin, std::numeric_limits<float>::infinity());
+  EXPECT_EQ(summary.loadMargins, 8u);
   EXPECT_TRUE(summary.watertight);
   EXPECT_EQ(summary.objectNotes, set.objectNotes);
   EXPECT_EQ(summary.seconds, set.seconds);

@@ -105,6 +105,9 @@ inline void addSyntheticGrasps(GraspSet& set, std::size_t n, SyntheticNumbers& n
     const double unknown = std::numeric_limits<double>::quiet_NaN();
     set.epsilonLower.push_back(row + 1 < n ? 1.01 * set.epsilon.back() : unknown);
     set.epsilonUpper.push_back(row + 1 < n ? 1.0101 * set.epsilon.back() : unknown);
+    // Known for the better half only; the second has no limit.
+    const double margin = row == 1 ? std::numeric_limits<double>::infinity() : 3 + 0.5 * static_cast<double>(row);
+    set.loadMargin.push_back(static_cast<float>(row < n / 2 ? margin : unknown));
     set.criticalFriction.push_back(static_cast<float>(row + 1 < n ? 0.1 + 0.01 * static_cast<double>(row) : unknown));
   }
   numbers.fill(set.targetPoint, 3 * n);
