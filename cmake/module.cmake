@@ -4,7 +4,8 @@ target_compile_options(handhold_flags INTERFACE -Wall -Wextra -Wpedantic -Wshado
                                                 -Werror -ffp-contract=off)
 # gcc 12 sees overlapping copies in std::string's operator+ (its bug 105651).
 target_compile_options(handhold_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
-target_include_directories(handhold_flags INTERFACE $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}/src>)
+target_compile_features(handhold_flags INTERFACE cxx_std_20)
+target_include_directories(handhold_flags INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>)
 
 # handhold_module(NAME SOURCES a.cpp ... [PUBLIC targets] [PRIVATE targets]): one folder of src/, one static library.
 function(handhold_module name)

@@ -1,8 +1,12 @@
 #pragma once
 
 #include "build/build_job.h"
+#include "build/shards.h"
+#include "store/prune.h"
 
+#include <atomic>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,22 +18,61 @@ inline constexpr int kExitDone = 0, kExitItemFailed = 1, kExitWrongInput = 2;
 struct BuildCommand {
   std::string job;
   BuildOptions options;
-  PackagePaths packages;
-  bool dryRun = false;
+  bool dryRun = false, json = false;
   long long trial = -1;  // >= 0: explain one trial, write nothing
 };
 
+struct SubmitCommand {
+  std::string job;
+  BuildOptions options;                // the globs; shards = 0: as many as there are sets, at most 64
+  bool print = false, status = false;  // show the scripts; say what is done: neither submits
+  std::vector<std::string> sbatchOptions;
+};
+
+struct QueryCommand {
+  GraspQuery query;                           // all but approach and near
+  std::optional<std::string> approach, near;  // X,Y,Z
+  double withinDeg = 0, radius = 0;           // of approach and near
+  std::string format = "table";               // table, json or csv
+};
+
+struct VerifyCommand {
+  std::string objectGlob = "*", handGlob = "*";
+  int setVersion = 0;  // 0: all
+  std::size_t sample = 20;
+  bool json = false;
+};
+
 int runBuild(const BuildCommand& command, const Database& database);
+int runSubmit(const SubmitCommand& command, const Database& database);
 int runList(const Database& database, bool asJson);
 int runInfo(const std::filesystem::path& path, bool asJson);
+int runVerify(const VerifyCommand& command, const Database& database);
+/// 0: the sets are equal, 1: they differ.
+int runDiff(const std::string& a, const std::string& b, bool asJson, const Database& database);
+int runPrune(const PruneOptions& options, const Database& database);
+int runQuery(QueryCommand command, const Database& database);
+int runIndex(const Database& database);
 int runHand(const std::string& path, bool initialise, const PackagePaths& packages, double sphereRadius);
 int runRender(const std::string& set, const std::string& output);
+
+/// The sets of the job that the options' globs pick, with their shards. @throws InputError  there are none
+std::vector<ShardedSet> selectedSets(const Job& job, const std::vector<Hand>& hands, const BuildOptions& options);
 
 /// `--trial`: what happened to one candidate, step by step, on stdout.
 int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std::size_t trial);
 
 /// What the contacts of such a torsion radius are, in words.
 std::string contactModel(double torsionRadius);
+
+/// `build --dry-run`: what is done, missing, failed, and what the rest would cost.
+int printPlan(const BuildCommand& command, const Job& job, const std::vector<Hand>& hands, const Database& database);
+
+/// SIGINT and SIGTERM make the flag true, once; the next one ends the program.
+const std::atomic<bool>& stopOnSignals();
+
+/// @throws InputError  the database is no folder
+void requireDatabase(const Database& database);
 
 /// The table that `build` and `list` print: a row a set.
 std::string summaryTable(const std::vector<GraspSetSummary>& summaries);

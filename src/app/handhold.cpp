@@ -4,6 +4,7 @@
 #include "core/log.h"
 
 #include <cstdlib>
+#include <limits>
 #include <map>
 
 #include <CLI/CLI.hpp>
@@ -40,6 +41,34 @@ PackagePaths parsePackages(const std::vector<std::string>& given) {
   return packages;
 }
 
+CLI::App* addQuery(CLI::App& app, QueryCommand& command) {
+  GraspQuery& query = command.query;
+  CLI::App* sub = app.add_subcommand("query", "the grasps of one or many sets that pass every filter, best first");
+  sub->add_option("--object", query.object, "only objects whose name matches")->type_name("GLOB");
+  sub->add_option("--hand", query.hand, "only hands whose name matches")->type_name("GLOB");
+  sub->add_option("--set-version", query.setVersion, "this version (default: the newest of each set)")->type_name("V");
+  sub->add_option("--min-epsilon", query.minEpsilon, "epsilon, at the friction of the set's job, is at least E")
+      ->type_name("E");
+  sub->add_option("--friction", query.friction, "force closed at friction MU, at most that of the set's job")
+      ->type_name("MU");
+  CLI::Option* approach = sub->add_option("--approach", command.approach, "approach direction, palm to object");
+  CLI::Option* within = sub->add_option("--within", command.withinDeg, "at most so many degrees from --approach");
+  approach->type_name("X,Y,Z")->needs(within);
+  within->type_name("DEG")->needs(approach);
+  CLI::Option* near = sub->add_option("--near", command.near, "target point, object frame [m]");
+  CLI::Option* radius = sub->add_option("--radius", command.radius, "at most so far from --near [m]");
+  near->type_name("X,Y,Z")->needs(radius);
+  radius->type_name("M")->needs(near);
+  sub->add_option("--preshape", query.preshape, "only preshapes whose name matches")->type_name("GLOB");
+  sub->add_option("--min-physics", query.minPhysics, "share of simulated directions survived, 0 to 1")->type_name("P");
+  CLI::Option* top = sub->add_option("--top", query.top, "at most K of each set")->type_name("K");
+  top->check(CLI::Range(1, std::numeric_limits<int>::max()));
+  sub->add_flag("--diverse", query.diverse, "with --top: spread over those that pass, not the best; prints how well")
+      ->needs(top);
+  sub->add_option("--format", command.format, "table, json or csv")->check(CLI::IsMember({"table", "json", "csv"}));
+  return sub;
+}
+
 int runProgram(int argc, char** argv) {
   CLI::App app("Handhold builds databases of robot grasps and shows what is in them.", "handhold");
   app.set_version_flag("--version", "handhold " HANDHOLD_VERSION);
@@ -47,6 +76,9 @@ int runProgram(int argc, char** argv) {
   std::string databaseFolder = defaultDatabase(), format = "table", shard, progress = "auto", path, output;
   std::vector<std::string> packages;
   BuildCommand build;
+  VerifyCommand verify;
+  PruneOptions prune;
+  std::string otherSet;
   bool initialise = false;
   double sphereDiameter = 0.05;
 
@@ -55,6 +87,10 @@ int runProgram(int argc, char** argv) {
   };
   const auto addFormat = [&](CLI::App* command) {
     command->add_option("--format", format, "table or json")->check(CLI::IsMember({"table", "json"}));
+  };
+  const auto addNames = [&](CLI::App* command, std::string& objectGlob, std::string& handGlob) {
+    command->add_option("--object", objectGlob, "only objects whose name matches")->type_name("GLOB");
+    command->add_option("--hand", handGlob, "only hands whose name matches")->type_name("GLOB");
   };
   const auto addPackages = [&](CLI::App* command) {
     command->add_option("--package", packages, "NAME=DIR: where package://NAME/ leads")->type_name("NAME=DIR");
@@ -65,11 +101,12 @@ int runProgram(int argc, char** argv) {
   addDatabase(buildCommand);
   addPackages(buildCommand);
   buildCommand->add_option("--threads", build.options.threads, "default: one a core")->check(CLI::Range(1, 1024));
-  buildCommand->add_option("--object", build.options.objectGlob, "only objects whose name matches")->type_name("GLOB");
-  buildCommand->add_option("--hand", build.options.handGlob, "only hands whose name matches")->type_name("GLOB");
+  addNames(buildCommand, build.options.objectGlob, build.options.handGlob);
   buildCommand->add_option("--shard", shard, "only the I-th of N parts, I from 0")->type_name("I/N");
   buildCommand->add_flag("--force", build.options.force, "write the next version though nothing changed");
-  buildCommand->add_flag("--dry-run", build.dryRun, "say what would be done and what it would cost");
+  buildCommand->add_flag("--retry-failed", build.options.retryFailed, "try inputs again that are known to fail");
+  buildCommand->add_flag("--dry-run", build.dryRun, "say what is done, missing, failed, and what the rest would cost");
+  addFormat(buildCommand);
   buildCommand->add_option("--progress", progress, "auto, plain, json or none")
       ->check(CLI::IsMember({"auto", "plain", "json", "none"}));
   buildCommand->add_option("--trial", build.trial, "explain one trial (index into N*R*M), write nothing")
@@ -82,6 +119,38 @@ int runProgram(int argc, char** argv) {
   CLI::App* infoCommand = app.add_subcommand("info", "one set, or all below a folder: provenance, outcomes, timings");
   infoCommand->add_option("set", path, "a set file or a folder")->required()->type_name("FILE|DIR");
   addFormat(infoCommand);
+
+  CLI::App* verifyCommand = app.add_subcommand(
+      "verify", "checksums, then grasps and trials of each set recomputed from its own record, bit for bit");
+  addDatabase(verifyCommand);
+  addNames(verifyCommand, verify.objectGlob, verify.handGlob);
+  verifyCommand->add_option("--set-version", verify.setVersion, "only this version")
+      ->check(CLI::Range(1, 1'000'000'000));
+  verifyCommand->add_option("--sample", verify.sample, "grasps, and as many trials, of each set (default 20; 0: none)")
+      ->check(CLI::NonNegativeNumber);
+  addFormat(verifyCommand);
+
+  CLI::App* diffCommand = app.add_subcommand(
+      "diff", "what changed from set A to set B; exit status 0: equal, 1: they differ, 2: one cannot be read");
+  diffCommand->add_option("A", path, "a set file, OBJECT/HAND (its newest version) or OBJECT/HAND/vN")->required();
+  diffCommand->add_option("B", otherSet, "the other")->required();
+  addDatabase(diffCommand);
+  addFormat(diffCommand);
+
+  CLI::App* pruneCommand = app.add_subcommand("prune", "remove old versions, and temporary files of dead builders");
+  pruneCommand->add_option("--keep", prune.keep, "newest versions of each set that stay, at least 1")
+      ->required()
+      ->check(CLI::Range(1, 1'000'000'000));
+  addDatabase(pruneCommand);
+  addNames(pruneCommand, prune.objectGlob, prune.handGlob);
+  pruneCommand->add_flag("--dry-run", prune.dryRun, "only say what would be removed");
+
+  QueryCommand query;
+  CLI::App* queryCommand = addQuery(app, query);
+  addDatabase(queryCommand);
+
+  CLI::App* indexCommand = app.add_subcommand("index", "write index.sqlite: list and queries over many sets get fast");
+  addDatabase(indexCommand);
 
   CLI::App* handCommand = app.add_subcommand("hand", "check a hand: joints, coupling, palm, every preshape closed");
   handCommand->add_option("hand", path, "the hand's folder, or a URDF with --init")
@@ -98,14 +167,35 @@ int runProgram(int argc, char** argv) {
       ->type_name("SET[:I]");
   renderCommand->add_option("--out", output, "the PNG to write")->required()->type_name("PNG");
 
+  SubmitCommand submit;
+  submit.options.shards = 0;
+  bool slurm = false;
+  CLI::App* submitCommand = app.add_subcommand("submit", "build a job on a cluster: a Slurm job array and its summary");
+  submitCommand->add_option("job", submit.job, "the job file (YAML)")->required()->type_name("JOB.yaml");
+  submitCommand->add_flag("--slurm", slurm, "for Slurm, by sbatch")->required();
+  addDatabase(submitCommand);
+  addPackages(submitCommand);
+  submitCommand->add_option("--shards", submit.options.shards, "tasks (default: one a set, at most 64)")
+      ->check(CLI::Range(1, 1'000'000));
+  submitCommand->add_option("--object", submit.options.objectGlob, "only objects whose name matches")
+      ->type_name("GLOB");
+  submitCommand->add_option("--hand", submit.options.handGlob, "only hands whose name matches")->type_name("GLOB");
+  CLI::Option* print = submitCommand->add_flag("--print", submit.print, "show scripts and commands, submit nothing");
+  submitCommand->add_flag("--status", submit.status, "say which sets are not built, submit nothing")->excludes(print);
+  submitCommand
+      ->add_option("options", submit.sbatchOptions, "after --: options of sbatch, for the array and its summary")
+      ->type_name("SBATCH OPTIONS");
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {  // --help, --version
     return app.exit(success);
   } catch (const CLI::ParseError& error) {
     if (app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-') {
+      std::vector<std::string> names;
+      for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
       logError(
-          fmt::format("\"{}\" is no command, want build, list, info, hand or render (see handhold --help)", argv[1]));
+          fmt::format("\"{}\" is no command, want one of: {} (see handhold --help)", argv[1], fmt::join(names, ", ")));
       return kExitWrongInput;
     }
     logError(fmt::format("{} (see handhold --help)", error.what()));
@@ -117,13 +207,23 @@ int runProgram(int argc, char** argv) {
                                                              {"json", ProgressMode::json},
                                                              {"none", ProgressMode::none}};
   build.options.progress = kModes.at(progress);
-  build.packages = parsePackages(packages);
+  build.options.packages = parsePackages(packages);
+  build.json = verify.json = format == "json";
   parseShard(shard, build.options);
   const Database database(databaseFolder);
+  if (*submitCommand) {
+    submit.options.packages = build.options.packages;
+    return runSubmit(submit, database);
+  }
   if (*buildCommand) return runBuild(build, database);
   if (*listCommand) return runList(database, format == "json");
   if (*infoCommand) return runInfo(path, format == "json");
-  if (*handCommand) return runHand(path, initialise, build.packages, sphereDiameter / 2);
+  if (*queryCommand) return runQuery(query, database);
+  if (*indexCommand) return runIndex(database);
+  if (*verifyCommand) return runVerify(verify, database);
+  if (*diffCommand) return runDiff(path, otherSet, format == "json", database);
+  if (*pruneCommand) return runPrune(prune, database);
+  if (*handCommand) return runHand(path, initialise, build.options.packages, sphereDiameter / 2);
   return runRender(path, output);
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numbers>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -62,6 +63,10 @@ nlohmann::ordered_json toJson(const GraspSetSummary& s) {
           {"best_load_margin", s.bestLoadMargin},
           {"largest_load_margin", s.largestLoadMargin},
           {"load_margins", s.loadMargins},
+          {"robustness_trials", s.robustnessTrials},
+          {"best_robustness", s.bestRobustness},
+          {"best_robustness_lower", s.bestRobustnessLower},
+          {"best_robustness_upper", s.bestRobustnessUpper},
           {"seconds", seconds},
           {"policy", s.policy},
           {"friction", s.friction},
@@ -101,6 +106,12 @@ void printInfo(const GraspSetSummary& s) {
   if (s.loadMargins > 0) {
     fmt::print("  load margin of the same grasp {:.2f} N; the largest of any {:.2f} N; known for {} grasps\n",
                s.bestLoadMargin, s.largestLoadMargin, s.loadMargins);
+  }
+  if (s.robustnessTrials > 0 && s.grasps > 0) {
+    fmt::print(
+        "  robustness  of the same grasp {:.2f}, 95 % in [{:.2f}, {:.2f}]: {} poses off by {} m, {:.3g} degrees\n",
+        s.bestRobustness, s.bestRobustnessLower, s.bestRobustnessUpper, s.robustnessTrials, s.robustnessPosition,
+        s.robustnessRotation * 180 / std::numbers::pi);
   }
   const double total = totalSeconds(s);
   fmt::print("  core time   {:.2f} s, {:.0f} trials/s a core\n", total,
@@ -172,13 +183,16 @@ std::string summaryTable(const std::vector<GraspSetSummary>& summaries) {
   return table;
 }
 
+void requireDatabase(const Database& database) {
+  if (fs::is_directory(database.folder())) return;
+  throw InputError(
+      fmt::format("{}: is no folder, want a database (--db DIR or HANDHOLD_DB)", database.folder().string()));
+}
+
 int runList(const Database& database, bool asJson) {
-  if (!fs::is_directory(database.folder())) {
-    throw InputError(
-        fmt::format("{}: is no folder, want a database (--db DIR or HANDHOLD_DB)", database.folder().string()));
-  }
-  std::size_t damaged = 0;
-  const std::vector<GraspSetSummary> summaries = readAll(database.files(), damaged);
+  std::vector<std::string> failures;
+  const std::vector<GraspSetSummary> summaries = database.summaries(failures);
+  for (const std::string& failure : failures) logError(failure);
   if (asJson) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
     for (const GraspSetSummary& summary : summaries) list.push_back(toJson(summary));
@@ -186,7 +200,7 @@ int runList(const Database& database, bool asJson) {
   } else {
     fmt::print("{}{} sets in {}\n", summaryTable(summaries), summaries.size(), database.folder().string());
   }
-  return damaged == 0 ? kExitDone : kExitItemFailed;
+  return failures.empty() ? kExitDone : kExitItemFailed;
 }
 
 int runInfo(const fs::path& path, bool asJson) {

@@ -1,23 +1,26 @@
 #include "build/build_job.h"
 
 #include "build/build_set.h"
+#include "build/failures.h"
+#include "build/mesh_hashes.h"
+#include "build/shards.h"
+#include "build/time_limit.h"
 #include "core/error.h"
 #include "core/file.h"
-#include "core/hash.h"
 #include "core/log.h"
 #include "simulate/actuation.h"
 
 #include <algorithm>
 #include <chrono>
-#include <fstream>
 #include <functional>
 #include <map>
 #include <memory>
+#include <new>
 #include <set>
+#include <stdexcept>
 #include <utility>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 namespace handhold {
 namespace {
@@ -32,15 +35,10 @@ struct Selection {
 
 std::vector<Selection> select(const Job& job, const std::vector<Hand>& hands, const BuildOptions& options) {
   std::vector<Selection> result;
-  for (const CatalogItem& item : job.catalog) {
-    Selection selection{&item, {}};
-    for (const Hand& hand : hands) {
-      const bool mine = hashText(item.name + "/" + hand.name) % options.shards == options.shard;
-      if (mine && matchesGlob(item.name, options.objectGlob) && matchesGlob(hand.name, options.handGlob)) {
-        selection.hands.push_back(&hand);
-      }
-    }
-    if (!selection.hands.empty()) result.push_back(std::move(selection));
+  for (const ShardedSet& set : dealSets(job, hands, options.objectGlob, options.handGlob, options.shards)) {
+    if (set.shard != options.shard) continue;
+    if (result.empty() || result.back().item != set.item) result.push_back({set.item, {}});
+    result.back().hands.push_back(set.hand);
   }
   return result;
 }
@@ -48,7 +46,7 @@ std::vector<Selection> select(const Job& job, const std::vector<Hand>& hands, co
 /// A set that may have to be built.
 struct PendingSet {
   const Hand* hand;
-  std::string inputHash;
+  std::string meshHash, inputHash;
 };
 
 /// What the fast policy knows of a hand, made once a run.
@@ -57,14 +55,11 @@ struct FieldsOfHand {
   double seconds = 0;  // that making them took, until a set has stored them
 };
 
-/// The item's mesh hash, empty when the file cannot be read: loading it will say why.
-std::string readableMeshHash(const CatalogItem& item) {
-  try {
-    return meshHash(item);
-  } catch (const InputError&) {
-    return "";
-  }
-}
+/// An object or a set took longer than the job's timeout.
+class TimeoutError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
 
 /// N*R*M as far as it is known before sampling.
 std::size_t expectedTrials(const Job& job, const Hand& hand) { return job.samples * job.rolls * hand.preshapes.size(); }
@@ -83,8 +78,14 @@ bool isUnchanged(const Database& database, const std::string& object, const std:
   }
 }
 
-std::string quoted(const std::string& text) {
-  return text.find_first_of(" '\"$&;()*?[]") == std::string::npos ? text : "'" + text + "'";
+std::string absolutePath(const fs::path& path) { return fs::absolute(path).lexically_normal().string(); }
+
+/// The record of these inputs' failure, when they are to be left alone for it.
+std::optional<FailureRecord> knownFailure(const Job& job, const Database& database, const BuildOptions& options,
+                                          const CatalogItem& item, const Hand& hand, const std::string& hash) {
+  if (options.force || options.retryFailed) return std::nullopt;
+  std::optional<FailureRecord> record = readFailure(database, item.name, hand.name);
+  return record && isKnownBad(*record, hash, job.timeout) ? record : std::nullopt;
 }
 
 /// Everything that one run of a job shares.
@@ -97,20 +98,29 @@ class JobRun {
         options_(options),
         cancel_(cancel),
         progress_(progress),
-        jobs_(options.threads) {}
+        jobs_(options.threads),
+        meshHashes_(database.folder()) {}
 
   void runObject(const Selection& selection) {
     const CatalogItem& item = *selection.item;
-    const std::string mesh = readableMeshHash(item);
+    const std::string mesh = meshHashes_.of(item.mesh);
     std::vector<PendingSet> missing;
     for (const Hand* hand : selection.hands) {
-      const PendingSet set{hand, inputHash(job_, item, mesh, *hand)};
-      if (mesh.empty() || !reportUnchanged(item, set)) missing.push_back(set);
+      const PendingSet set{hand, mesh, inputHash(job_, item, mesh, *hand)};
+      bool isSettled = false;
+      const auto look = [&] {
+        isSettled = !mesh.empty() && (reportUnchanged(item, set) || reportKnownFailure(item, set));
+      };
+      if (guarded(item, {set}, look) && !isSettled) missing.push_back(set);
     }
     if (missing.empty() || cancel_) return;
     progress_.begin(item.name, reports_.size());
     SampledObject object;
-    if (!guarded(item, missing, [&] { object = loadSampledObject(job_, item, &cancel_); })) return;
+    const auto load = [&](const std::atomic<bool>& stop) {
+      object = loadSampledObject(job_, item, &stop);
+      return !stop;  // sampling does not look at it
+    };
+    if (!guarded(item, missing, [&] { limited(load); })) return;
     for (const std::string& note : object.model.notes) logInfo(fmt::format("{}: {}", item.name, note));
     for (const std::string& warning : object.model.warnings) logWarning(fmt::format("{}: {}", item.name, warning));
     for (const PendingSet& set : missing) {
@@ -118,20 +128,26 @@ class JobRun {
     }
   }
 
-  std::vector<SetReport> takeReports() { return std::move(reports_); }
+  std::vector<SetReport> finish() {
+    meshHashes_.save();
+    return std::move(reports_);
+  }
 
  private:
-  /// A set whose summary cannot be read is not unchanged: it is built anew.
   bool reportUnchanged(const CatalogItem& item, const PendingSet& set) {
     const Hand& hand = *set.hand;
-    try {
-      if (options_.force || !isUnchanged(database_, item.name, hand.name, set.inputHash)) return false;
-      const int version = database_.newestVersion(item.name, hand.name);
-      reports_.push_back({item.name, hand.name, SetReport::State::unchanged,
-                          readSummary(database_.setPath(item.name, hand.name, version)), "", ""});
-    } catch (const InputError&) {
-      return false;
-    }
+    if (options_.force || !isUnchanged(database_, item.name, hand.name, set.inputHash)) return false;
+    removeFailure(database_, item.name, hand.name);  // of inputs that were changed back
+    reports_.push_back({item.name, hand.name, SetReport::State::unchanged, {}, "", ""});
+    progress_.skipTrials(expectedTrials(job_, hand));
+    return true;
+  }
+
+  bool reportKnownFailure(const CatalogItem& item, const PendingSet& set) {
+    const Hand& hand = *set.hand;
+    const auto record = knownFailure(job_, database_, options_, item, hand, set.inputHash);
+    if (!record) return false;
+    reports_.push_back({item.name, hand.name, SetReport::State::failed, {}, record->error, record->command, true});
     progress_.skipTrials(expectedTrials(job_, hand));
     return true;
   }
@@ -143,13 +159,20 @@ class JobRun {
     warnWithoutEfforts(hand);
     guarded(item, {pending}, [&] {
       FieldsOfHand* fast = job_.simulation == Simulation::fast ? &fieldsOf(hand) : nullptr;
-      std::optional<GraspSet> set = buildSet(job_, object, hand, pending.inputHash, fast ? fast->fields : nullptr,
-                                             jobs_, progress_.counters(), cancel_);
+      const Checkpoint checkpoint(database_.setPath(item.name, hand.name, 0).parent_path(), pending.inputHash);
+      std::optional<GraspSet> set;
+      limited([&](const std::atomic<bool>& stop) {
+        set = buildSet(job_, object, hand, pending.inputHash, fast ? fast->fields : nullptr, checkpoint, jobs_,
+                       progress_.counters(), stop);
+        return set.has_value();
+      });
       if (!set) return;
       if (fast) set->seconds["fields"] = fast->seconds;
       const std::size_t grasps = set->graspCount();
       const fs::path path = database_.write(std::move(*set));
       if (fast) fast->seconds = 0;
+      checkpoint.remove();
+      removeFailure(database_, item.name, hand.name);
       reports_.push_back({item.name, hand.name, SetReport::State::built, readSummary(path), "", ""});
       if (grasps == 0) logWarning(fmt::format("{} x {}: no grasp is force closed", item.name, hand.name));
       logInfo(fmt::format("{} x {}: {} grasps, {}", item.name, hand.name, grasps, path.string()));
@@ -174,27 +197,56 @@ class JobRun {
     return entry;
   }
 
+  /// Runs `work`, which returns whether it got to its end, under the job's timeout. @throws TimeoutError
+  void limited(const std::function<bool(const std::atomic<bool>& stop)>& work) const {
+    const TimeLimit limit(cancel_, job_.timeout);
+    bool finished = false;
+    try {
+      finished = work(limit.flag());
+    } catch (const InputError&) {
+      if (!limit.expired()) throw;  // else it only says that it was stopped
+    }
+    if (!finished && limit.expired()) {
+      throw TimeoutError(fmt::format("took longer than the job's timeout of {} s", job_.timeout));
+    }
+  }
+
   /// Runs `work`; what it throws is the failure of these sets, not the end of the job. After a stop it is neither.
   bool guarded(const CatalogItem& item, const std::vector<PendingSet>& sets, const std::function<void()>& work) {
     std::string reason;
+    bool byInput = false, byTimeout = false;
     try {
       work();
       return true;
+    } catch (const TimeoutError& error) {
+      reason = error.what();
+      byInput = byTimeout = true;
+    } catch (const InputError& error) {
+      reason = error.what();
+      byInput = true;
     } catch (const std::bad_alloc&) {
       reason = "out of memory";
-    } catch (const std::runtime_error& error) {  // InputError, SystemError, Cancelled
+    } catch (const std::exception& error) {  // SystemError, and what nobody thought of
       reason = error.what();
     }
-    for (const PendingSet& set : sets) {
-      if (!cancel_) reportFailure(item, *set.hand, reason);
-    }
+    if (cancel_) return false;
+    // A file that cannot be read now, or is being written, says nothing of its next state.
+    const bool knownBad = byInput && !sets[0].meshHash.empty() && meshHash(item.mesh) == sets[0].meshHash;
+    for (const PendingSet& set : sets) reportFailure(item, set, reason, knownBad, byTimeout ? job_.timeout : 0);
     return false;
   }
 
-  void reportFailure(const CatalogItem& item, const Hand& hand, const std::string& error) {
-    const std::string command = fmt::format("handhold build {} --object {} --hand {} --db {}", quoted(job_.path),
-                                            item.name, hand.name, quoted(database_.folder().string()));
+  void reportFailure(const CatalogItem& item, const PendingSet& set, const std::string& error, bool knownBad,
+                     double timeout) {
+    const Hand& hand = *set.hand;
+    std::string command = fmt::format("handhold build {} --object {} --hand {} --db {} --retry-failed",
+                                      shellQuoted(absolutePath(job_.path)), item.name, hand.name,
+                                      shellQuoted(absolutePath(database_.folder())));
+    for (const auto& [name, folder] : options_.packages) {
+      command += " --package " + shellQuoted(name + "=" + absolutePath(folder));
+    }
     logError(fmt::format("{} x {}: {}", item.name, hand.name, error));
+    writeFailure(database_, {item.name, hand.name, error, command, set.inputHash, knownBad, timeout});
     reports_.push_back({item.name, hand.name, SetReport::State::failed, {}, error, command});
     progress_.skipTrials(expectedTrials(job_, hand));
   }
@@ -205,47 +257,11 @@ class JobRun {
   const std::atomic<bool>& cancel_;
   Progress& progress_;
   JobSystem jobs_;
+  MeshHashes meshHashes_;
   std::map<std::string, FieldsOfHand> fields_;  // by the hand's contentHash
   std::set<std::string> warned_;                // hands without efforts
   std::vector<SetReport> reports_;
 };
-
-/// `failed.json`: the failures of the last run, replaced as a whole; removed when there are none.
-void recordFailures(const Database& database, const std::vector<SetReport>& reports) {
-  nlohmann::json failures = nlohmann::json::array();
-  for (const SetReport& report : reports) {
-    if (report.state != SetReport::State::failed) continue;
-    failures.push_back(
-        {{"object", report.object}, {"hand", report.hand}, {"error", report.error}, {"command", report.command}});
-  }
-  const fs::path target = database.folder() / "failed.json";
-  std::error_code error;
-  if (failures.empty()) {
-    fs::remove(target, error);
-    return;
-  }
-  fs::create_directories(database.folder(), error);
-  const fs::path temporary = temporaryName(database.folder());
-  std::ofstream stream(temporary);
-  stream << failures.dump(1) << '\n';
-  stream.close();
-  fs::rename(temporary, target, error);
-  if (!stream || error) logWarning(fmt::format("{}: cannot be written", target.string()));
-}
-
-/// Object and hand of every set in `failed.json`; a file that is none of ours counts as empty.
-std::set<std::pair<std::string, std::string>> recordedFailures(const Database& database) {
-  std::set<std::pair<std::string, std::string>> result;
-  std::ifstream stream(database.folder() / "failed.json");
-  const nlohmann::json failures = nlohmann::json::parse(stream, nullptr, false);
-  if (!failures.is_array()) return result;
-  for (const auto& failure : failures) {
-    const bool named = failure.is_object() && failure.contains("object") && failure["object"].is_string() &&
-                       failure.contains("hand") && failure["hand"].is_string();
-    if (named) result.emplace(failure["object"].get<std::string>(), failure["hand"].get<std::string>());
-  }
-  return result;
-}
 
 }  // namespace
 
@@ -264,41 +280,47 @@ std::vector<SetReport> buildJob(const Job& job, const std::vector<Hand>& hands, 
     for (const Selection& selection : selections) {
       if (!cancel) run.runObject(selection);
     }
-    reports = run.takeReports();
+    reports = run.finish();
   }
+  std::set<std::pair<std::string, std::string>> reported;
+  for (const SetReport& report : reports) reported.emplace(report.object, report.hand);
   for (const Selection& selection : selections) {
     for (const Hand* hand : selection.hands) {
-      const bool reported = std::any_of(reports.begin(), reports.end(), [&](const SetReport& report) {
-        return report.object == selection.item->name && report.hand == hand->name;
-      });
-      if (!reported) reports.push_back({selection.item->name, hand->name, SetReport::State::stopped, {}, "", ""});
+      if (reported.contains({selection.item->name, hand->name})) continue;
+      reports.push_back({selection.item->name, hand->name, SetReport::State::stopped, {}, "", ""});
     }
   }
   std::stable_sort(reports.begin(), reports.end(), [](const SetReport& a, const SetReport& b) {
     return a.object != b.object ? a.object < b.object : a.hand < b.hand;
   });
-  recordFailures(database, reports);
   return reports;
 }
 
 std::vector<PlannedSet> planJob(const Job& job, const std::vector<Hand>& hands, const Database& database,
                                 const BuildOptions& options) {
   std::vector<PlannedSet> plan;
-  const auto failed = recordedFailures(database);
+  MeshHashes meshHashes(database.folder());
   for (const Selection& selection : select(job, hands, options)) {
-    const std::string mesh = readableMeshHash(*selection.item);
+    const CatalogItem& item = *selection.item;
+    const std::string mesh = meshHashes.of(item.mesh);
     for (const Hand* hand : selection.hands) {
       PlannedSet& set = plan.emplace_back();
-      set.object = selection.item->name;
+      set.object = item.name;
       set.hand = hand->name;
       set.trials = expectedTrials(job, *hand);
-      const std::string hash = inputHash(job, *selection.item, mesh, *hand);
+      const std::string hash = inputHash(job, item, mesh, *hand);
       const bool exists = database.newestVersion(set.object, set.hand) > 0;
-      set.state = mesh.empty()                                         ? PlannedSet::State::unreadable
-                  : !exists && failed.contains({set.object, set.hand}) ? PlannedSet::State::failed
-                  : !exists                                            ? PlannedSet::State::missing
-                  : isUnchanged(database, set.object, set.hand, hash)  ? PlannedSet::State::done
-                                                                       : PlannedSet::State::changed;
+      if (mesh.empty()) {
+        set.state = PlannedSet::State::unreadable;
+      } else if (exists && !options.force && isUnchanged(database, set.object, set.hand, hash)) {
+        set.state = PlannedSet::State::done;
+        continue;
+      } else if (knownFailure(job, database, options, item, *hand, hash)) {
+        set.state = PlannedSet::State::failed;
+      } else {
+        set.state = exists ? PlannedSet::State::changed : PlannedSet::State::missing;
+      }
+      if (const auto record = readFailure(database, set.object, set.hand)) set.error = record->error;
     }
   }
   return plan;

@@ -13,8 +13,10 @@ namespace handhold {
 struct BuildOptions {
   int threads = 0;  // 0: all cores
   std::string objectGlob = "*", handGlob = "*";
-  std::size_t shard = 0, shards = 1;  // this one of so many; sets are dealt out by a hash of their names
+  std::size_t shard = 0, shards = 1;  // this one of so many, as dealSets deals them
   bool force = false;                 // write the next version though nothing changed
+  bool retryFailed = false;           // try inputs again that are known to fail
+  PackagePaths packages;              // as given, for the commands that repeat failures
   ProgressMode progress = ProgressMode::automatic;
 };
 
@@ -23,21 +25,26 @@ struct SetReport {
   enum class State { built, unchanged, failed, stopped };
   std::string object, hand;
   State state = State::stopped;
-  GraspSetSummary summary;     // built or unchanged
+  GraspSetSummary summary;     // built
   std::string error, command;  // failed: the reason, and what repeats it
+  bool known = false;          // failed: in an earlier run with the same inputs, and not tried again
 };
 
 /// What would be done, for --dry-run.
 struct PlannedSet {
-  enum class State { missing, changed, done, unreadable, failed };  // failed: in the last run, and still missing
+  enum class State { missing, changed, done, unreadable, failed };  // failed: known to, and not to be tried
   std::string object, hand;
   State state = State::missing;
   std::size_t trials = 0;  // 0: unknown before sampling (a job with a pitch)
+  std::string error;       // of the last attempt, when that failed
+
+  bool toBuild() const { return state == State::missing || state == State::changed; }
 };
 
-/// Builds every selected set that is missing or whose inputs changed. A set that fails is reported, written to
-/// `failed.json` in the database folder, and the rest goes on. When `cancel` becomes true the job stops within a
-/// second; finished sets remain.
+/// Builds every selected set that is missing or whose inputs changed. A set that fails is reported and recorded
+/// (failures.h), and the rest goes on. Inputs that are known to fail are reported again and left alone until they
+/// change, or `retryFailed` or `force` is given. When `cancel` becomes true the job stops within a second; finished
+/// sets remain.
 std::vector<SetReport> buildJob(const Job& job, const std::vector<Hand>& hands, const Database& database,
                                 const BuildOptions& options, const std::atomic<bool>& cancel);
 

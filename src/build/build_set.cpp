@@ -1,9 +1,9 @@
 #include "build/build_set.h"
 
-#include "build/keep.h"
-#include "core/file.h"
+#include "build/ranked_quality.h"
+#include "build/timing.h"
 #include "core/hash.h"
-#include "simulate/actuation.h"
+#include "core/log.h"
 
 #include <algorithm>
 #include <chrono>
@@ -17,22 +17,8 @@
 namespace handhold {
 namespace {
 
-/// Part of every input hash: to be raised whenever a change of ours changes results.
-constexpr int kMethodVersion = 4;
-
 /// The distance map is sampled with this many points for each target point (III-A: "at a finer resolution").
 constexpr std::size_t kMapPointsPerSample = 4;
-
-double secondsSince(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-/// Seconds that the processor worked for this thread: unlike the wall's they do not count waiting.
-double threadSeconds() {
-  timespec time{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 template <class T, class V>
 void appendVector(std::vector<T>& array, const V& vector) {
@@ -77,10 +63,14 @@ void setParameters(const Job& job, const WrenchModel& model, GraspSet& set) {
   set.torqueScale = model.torqueScale;
   set.coneEdges = model.coneEdges;
   set.torsionRadius = model.torsionRadius;
+  set.robustnessTrials = job.robustness.noise.trials;
+  set.robustnessPosition = job.robustness.noise.position;
+  set.robustnessRotation = job.robustness.noise.rotation;
   set.contactDistance = job.contactDistance;
   set.seed = job.seed;
   set.rolls = job.rolls;
   set.generator = "handhold " HANDHOLD_VERSION;
+  set.methodVersion = kMethodVersion;
   for (const std::string_view name : kOutcomeNames) set.outcomeNames.emplace_back(name);
 }
 
@@ -107,6 +97,9 @@ void addGrasp(const Job& job, const SampledObject& object, const Hand& hand, con
   set.epsilonUpper.push_back(grasp.epsilonUpper);
   set.criticalFriction.push_back(static_cast<float>(grasp.criticalFriction));
   set.loadMargin.push_back(static_cast<float>(grasp.loadMargin));
+  set.robustness.push_back(static_cast<float>(grasp.robustness.share));
+  set.robustnessLower.push_back(static_cast<float>(grasp.robustness.lower));
+  set.robustnessUpper.push_back(static_cast<float>(grasp.robustness.upper));
   for (const Contact& contact : grasp.contacts) {
     appendVector(set.contactPosition, contact.position);
     appendVector(set.contactNormal, contact.normal);
@@ -139,90 +132,114 @@ void addNeighbors(const Job& job, const SampledObject& object, GraspSet& set) {
   }
 }
 
-/// What one thread needs and adds up, on cache lines of its own.
+/// What one thread needs, on cache lines of its own.
 struct alignas(64) Worker {
   Cones cones;
   std::unique_ptr<GraspPolicy> policy;
   Evaluation evaluation;
-  StageSeconds seconds;  // of the processor
-  std::uint64_t byReference = 0;
 };
 
-/// The trials of one set and where their results go: each sample has slots of its own.
-struct TrialRun {
-  const Job& job;
-  const SampledObject& object;
-  const Hand& hand;
-  BuildCounters& counters;
-  const std::atomic<bool>& cancel;
-  GraspSet& set;
-  std::vector<std::vector<KeptGrasp>> graspsOfSample;
+/// The trials of one set and where their results go: each sample has a slot of its own.
+class TrialRun {
+ public:
+  TrialRun(const Job& job, const SampledObject& object, const Hand& hand, const Checkpoint& checkpoint,
+           BuildCounters& counters, const std::atomic<bool>& cancel, std::size_t samples)
+      : job_(job),
+        object_(object),
+        hand_(hand),
+        checkpoint_(checkpoint),
+        counters_(counters),
+        cancel_(cancel),
+        perSample_(static_cast<std::size_t>(job.rolls) * hand.preshapes.size()),
+        samplesPerChunk_(std::max<std::size_t>(1, checkpoint.trialsPerChunk() / perSample_)),
+        results_(samples),
+        done_((samples + samplesPerChunk_ - 1) / samplesPerChunk_) {}
 
+  /// Takes over the chunks that an earlier run finished. Returns how many.
+  std::size_t resume();
   void runSample(Worker& worker, std::size_t sample);
+  std::vector<SampleResults>& results() { return results_; }
+
+ private:
+  std::span<SampleResults> samplesOf(std::size_t chunk) {
+    const std::size_t begin = chunk * samplesPerChunk_;
+    return std::span(results_).subspan(begin, std::min(samplesPerChunk_, results_.size() - begin));
+  }
+
+  const Job& job_;
+  const SampledObject& object_;
+  const Hand& hand_;
+  const Checkpoint& checkpoint_;
+  BuildCounters& counters_;
+  const std::atomic<bool>& cancel_;
+  std::size_t perSample_, samplesPerChunk_;
+  std::vector<SampleResults> results_;
+  std::vector<std::atomic<std::size_t>> done_;  // samples of each chunk
 };
+
+std::size_t TrialRun::resume() {
+  std::size_t resumed = 0;
+  for (std::size_t chunk = 0; chunk < done_.size(); ++chunk) {
+    const std::span<SampleResults> samples = samplesOf(chunk);
+    if (!checkpoint_.read(chunk, perSample_, samples)) continue;
+    ++resumed;
+    done_[chunk] = samples.size();
+    for (const SampleResults& sample : samples) {
+      counters_.trials += perSample_;
+      counters_.forceClosed += sample.grasps.size();
+    }
+  }
+  return resumed;
+}
 
 /// The processor's clock is read once a sample; its seconds are dealt to the stages as the wall's clock saw them.
 void TrialRun::runSample(Worker& worker, std::size_t sample) {
+  const std::size_t chunk = sample / samplesPerChunk_;
+  SampleResults& results = results_[sample];
+  if (!results.outcome.empty()) return;  // taken over
   const double processorBefore = threadSeconds();
   const auto start = std::chrono::steady_clock::now();
-  const std::size_t perSample = set.rolls * set.preshapes, first = sample * perSample;
+  const std::size_t first = sample * perSample_;
   StageSeconds seconds;
-  std::vector<KeptGrasp> grasps;
   const Evaluation& result = worker.evaluation;
-  std::size_t trial = first;
-  for (; trial < first + perSample && !cancel; ++trial) {
-    evaluate(*worker.policy, candidateAt(job, object.samples, hand, trial), worker.cones, worker.evaluation, seconds);
-    set.outcome[trial] = static_cast<std::uint8_t>(result.trial.outcome);
-    set.trialEpsilon[trial] = static_cast<float>(result.epsilon);
-    if (result.trial.byReference || job.simulation == Simulation::reference) ++worker.byReference;
-    if (result.trial.outcome == GraspOutcome::forceClosed) {
-      grasps.push_back({trial, result.epsilon, result.trial.X_OH, result.trial.backoff, result.approachClear,
-                        result.bounds.lower, result.bounds.upper, result.criticalFriction, result.trial.jointPosition,
-                        result.trial.contacts});
-    }
+  for (std::size_t trial = first; trial < first + perSample_; ++trial) {
+    if (cancel_) return;
+    evaluate(*worker.policy, candidateAt(job_, object_.samples, hand_, trial), worker.cones, worker.evaluation,
+             seconds);
+    results.outcome.push_back(static_cast<std::uint8_t>(result.trial.outcome));
+    results.epsilon.push_back(static_cast<float>(result.epsilon));
+    if (result.trial.byReference || job_.simulation == Simulation::reference) ++results.byReference;
+    if (result.trial.outcome == GraspOutcome::forceClosed) results.grasps.push_back(keptGrasp(trial, result));
   }
-  counters.trials += trial - first;
-  counters.forceClosed += grasps.size();
-  graspsOfSample[sample] = std::move(grasps);
-  worker.seconds.add(seconds, (threadSeconds() - processorBefore) / std::max(1e-9, secondsSince(start)));
+  counters_.trials += perSample_;
+  counters_.forceClosed += results.grasps.size();
+  results.seconds.add(seconds, (threadSeconds() - processorBefore) / std::max(1e-9, secondsSince(start)));
+  // A set of one chunk is done when the chunk is.
+  if (++done_[chunk] == samplesOf(chunk).size() && done_.size() > 1) checkpoint_.write(chunk, samplesOf(chunk));
 }
 
-/// The load margin of the first grasps, each in its own row. Nothing where no joint's effort is known.
-/// @return seconds of the processor, over all threads
-double addLoadMargins(const Job& job, const SampledObject& object, const Hand& hand, const JobSystem& jobs,
-                      const std::atomic<bool>& cancel, std::vector<KeptGrasp>& grasps) {
-  if (!hasEffortLimits(hand)) return 0;
-  const WrenchModel model = wrenchModel(job, *object.item, object.model, hand);
-  const TaskWrenches tasks = taskWrenches(job);
-  struct alignas(64) LoadWorker {
-    LoadMarginSolver solver;
-    double seconds = 0;
-  };
-  std::vector<LoadWorker> workers;
-  for (int i = 0; i < jobs.threads(); ++i) workers.push_back({LoadMarginSolver(model)});
-  const auto run = [&](int worker, std::size_t i) {
-    const double before = threadSeconds();
-    KeptGrasp& grasp = grasps[i];
-    grasp.loadMargin = evaluateLoad(workers[worker].solver, hand, grasp.jointPosition, grasp.X_OH, grasp.contacts,
-                                    model.centerOfMass, tasks)
-                           .load;
-    workers[worker].seconds += threadSeconds() - before;
-  };
-  jobs.run(std::min(grasps.size(), static_cast<std::size_t>(job.loadMargin.grasps)), 1, run, &cancel);
-  double seconds = 0;
-  for (const LoadWorker& worker : workers) seconds += worker.seconds;
-  return seconds;
+/// The load margin and the robustness of the first grasps, one grasp a work item.
+void rankQuality(const Job& job, const Hand& hand, const WrenchModel& model, const JobSystem& jobs,
+                 const std::atomic<bool>& cancel, std::vector<Worker>& workers, std::vector<KeptGrasp>& grasps,
+                 GraspSet& set) {
+  std::vector<RankedQuality> ranked;
+  for (std::size_t i = 0; i < workers.size(); ++i) ranked.emplace_back(job, hand, model, setKey(set));
+  jobs.run(
+      std::min(grasps.size(), ranked[0].rows()), 1,
+      [&](int worker, std::size_t row) { ranked[worker].compute(row, *workers[worker].policy, grasps[row]); }, &cancel);
+  for (const RankedQuality& quality : ranked) {
+    set.seconds["load_margin"] += quality.loadSeconds;
+    set.seconds["robustness"] += quality.robustnessSeconds;
+  }
 }
 
-void setTimings(const SampledObject& object, const std::vector<Worker>& workers, GraspSet& set) {
+void setTimings(const SampledObject& object, const StageSeconds& seconds, GraspSet& set) {
   set.seconds.insert(object.seconds.begin(), object.seconds.end());
-  for (const Worker& worker : workers) {
-    set.seconds["policy"] += worker.seconds.policy;
-    set.seconds["force_closure"] += worker.seconds.forceClosure;
-    set.seconds["epsilon"] += worker.seconds.epsilon;
-    set.seconds["approach"] += worker.seconds.approach;
-    set.seconds["bounds"] += worker.seconds.bounds;
-  }
+  set.seconds["policy"] = seconds.policy;
+  set.seconds["force_closure"] = seconds.forceClosure;
+  set.seconds["epsilon"] = seconds.epsilon;
+  set.seconds["approach"] = seconds.approach;
+  set.seconds["bounds"] = seconds.bounds;
   char host[256] = {};
   ::gethostname(host, sizeof host - 1);
   set.host = host;
@@ -237,14 +254,21 @@ void setTimings(const SampledObject& object, const std::vector<Worker>& workers,
 }  // namespace
 
 SampledObject loadSampledObject(const Job& job, const CatalogItem& item, const std::atomic<bool>* cancel) {
-  SampledObject object;
-  object.item = &item;
-  auto start = std::chrono::steady_clock::now();
+  const auto start = std::chrono::steady_clock::now();
   ImportLimits limits;
   limits.cancel = cancel;
-  object.model = loadObject(item.mesh, item.unit, limits);
-  object.seconds["load"] = secondsSince(start);
-  start = std::chrono::steady_clock::now();
+  ObjectModel model = loadObject(item.mesh, item.unit, limits);
+  const double seconds = secondsSince(start);
+  SampledObject object = sampleObject(job, item, std::move(model));
+  object.seconds["load"] = seconds;
+  return object;
+}
+
+SampledObject sampleObject(const Job& job, const CatalogItem& item, ObjectModel model) {
+  SampledObject object;
+  object.item = &item;
+  object.model = std::move(model);
+  const auto start = std::chrono::steady_clock::now();
   const RayScene scene(object.model.mesh);
   if (job.policy == PolicyKind::centerOfMass) {
     object.samples = sampleSphere(object.model, scene, job.samples, item.mesh);
@@ -256,11 +280,6 @@ SampledObject loadSampledObject(const Job& job, const CatalogItem& item, const s
   object.mapSamples = sampleSurfaceCount(object.model, scene, kMapPointsPerSample * object.samples.size(), item.mesh);
   object.seconds["sample"] = secondsSince(start);
   return object;
-}
-
-std::string meshHash(const CatalogItem& item) {
-  const std::string content = readFile(item.mesh);
-  return hashBytes(content.data(), content.size());
 }
 
 std::string inputHash(const Job& job, const CatalogItem& item, const std::string& meshHash, const Hand& hand) {
@@ -281,6 +300,12 @@ std::string inputHash(const Job& job, const CatalogItem& item, const std::string
   if (job.loadMargin.grasps > 0) {
     const TaskWrenches tasks = taskWrenches(job);
     for (const double number : tasks.reshaped()) hash.addNumber(number);
+  }
+  const PoseNoise& noise = job.robustness.noise;
+  if (noise.trials > 0) {
+    for (const double number : {static_cast<double>(job.robustness.grasps), static_cast<double>(noise.trials),
+                                noise.position, noise.rotation})
+      hash.addNumber(number);
   }
   return hash.hex();
 }
@@ -307,48 +332,83 @@ GraspCandidate candidateAt(const Job& job, const SurfaceSamples& samples, const 
   return candidate;
 }
 
-std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand,
-                                 const std::string& inputHash, const std::shared_ptr<const HandFields>& fields,
-                                 const JobSystem& jobs, BuildCounters& counters, const std::atomic<bool>& cancel) {
+GraspSet emptySet(const Job& job, const SampledObject& object, const Hand& hand) {
   GraspSet set;
-  const WrenchModel model = wrenchModel(job, *object.item, object.model, hand);
   setObject(object, set);
   setHand(hand, set);
-  setParameters(job, model, set);
-  set.inputHash = inputHash;
+  setParameters(job, wrenchModel(job, *object.item, object.model, hand), set);
   set.samples = object.samples.size();
   set.preshapes = hand.preshapes.size();
-  set.outcome.assign(set.trialCount(), static_cast<std::uint8_t>(GraspOutcome::notRun));
-  set.trialEpsilon.assign(set.trialCount(), std::nanf(""));
+  return set;
+}
+
+std::uint64_t setKey(const GraspSet& set) { return hashText(set.object + "/" + set.hand); }
+
+KeptGrasp keptGrasp(std::size_t trial, const Evaluation& evaluation) {
+  return {trial,
+          evaluation.epsilon,
+          evaluation.trial.X_OH,
+          evaluation.trial.backoff,
+          evaluation.approachClear,
+          evaluation.bounds.lower,
+          evaluation.bounds.upper,
+          evaluation.criticalFriction,
+          evaluation.trial.jointPosition,
+          evaluation.trial.contacts,
+          evaluation.trial.centering};
+}
+
+void addGrasps(const Job& job, const SampledObject& object, const Hand& hand, const std::vector<KeptGrasp>& grasps,
+               GraspSet& set) {
+  for (const KeptGrasp& grasp : grasps) addGrasp(job, object, hand, grasp, set);
+  addNeighbors(job, object, set);
+}
+
+std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand,
+                                 const std::string& inputHash, const std::shared_ptr<const HandFields>& fields,
+                                 const Checkpoint& checkpoint, const JobSystem& jobs, BuildCounters& counters,
+                                 const std::atomic<bool>& cancel) {
+  GraspSet set = emptySet(job, object, hand);
+  const WrenchModel model = wrenchModel(job, *object.item, object.model, hand);
+  set.inputHash = inputHash;
 
   auto start = std::chrono::steady_clock::now();
   std::vector<Worker> workers;
-  for (int i = 0; i < jobs.threads(); ++i) workers.push_back({Cones(model), nullptr, {}, {}});
+  for (int i = 0; i < jobs.threads(); ++i) workers.push_back({Cones(model), nullptr, {}});
   workers[0].policy = makePolicy(job, hand, object.model, fields);
   for (Worker& worker : workers) {
     if (!worker.policy) worker.policy = workers[0].policy->clone();
   }
   set.seconds["prepare"] = secondsSince(start);
-  TrialRun run{job, object, hand, counters, cancel, set, std::vector<std::vector<KeptGrasp>>(set.samples)};
+  TrialRun run(job, object, hand, checkpoint, counters, cancel, set.samples);
+  if (const std::size_t resumed = run.resume(); resumed > 0) {
+    logInfo(fmt::format("{} x {}: {} finished chunks of trials are taken over from an earlier run", set.object,
+                        set.hand, resumed));
+  }
   jobs.run(
       set.samples, 1, [&](int worker, std::size_t sample) { run.runSample(workers[worker], sample); }, &cancel);
   if (cancel) return std::nullopt;
 
   start = std::chrono::steady_clock::now();
+  StageSeconds seconds;
   std::vector<KeptGrasp> grasps;
-  for (auto& some : run.graspsOfSample) std::move(some.begin(), some.end(), std::back_inserter(grasps));
+  for (SampleResults& sample : run.results()) {
+    set.outcome.insert(set.outcome.end(), sample.outcome.begin(), sample.outcome.end());
+    set.trialEpsilon.insert(set.trialEpsilon.end(), sample.epsilon.begin(), sample.epsilon.end());
+    set.trialsByReference += sample.byReference;
+    seconds.add(sample.seconds, 1);
+    std::move(sample.grasps.begin(), sample.grasps.end(), std::back_inserter(grasps));
+  }
   sortGrasps(grasps);
   keepGrasps(grasps, job.keepTop, job.keepDiverse, object.model.mass.radius);
   const double tableSeconds = secondsSince(start);
-  set.seconds["load_margin"] = addLoadMargins(job, object, hand, jobs, cancel, grasps);
+  rankQuality(job, hand, model, jobs, cancel, workers, grasps, set);
   if (cancel) return std::nullopt;
 
   start = std::chrono::steady_clock::now();
-  for (const KeptGrasp& grasp : grasps) addGrasp(job, object, hand, grasp, set);
-  addNeighbors(job, object, set);
-  for (const Worker& worker : workers) set.trialsByReference += worker.byReference;
+  addGrasps(job, object, hand, grasps, set);
   set.seconds["table"] = tableSeconds + secondsSince(start);
-  setTimings(object, workers, set);
+  setTimings(object, seconds, set);
   return set;
 }
 

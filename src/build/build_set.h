@@ -1,8 +1,10 @@
 #pragma once
 
+#include "build/checkpoint.h"
 #include "build/evaluate.h"
 #include "build/job.h"
 #include "build/job_system.h"
+#include "build/keep.h"
 #include "sample/surface_samples.h"
 #include "simulate/fast_policy.h"
 #include "store/grasp_set.h"
@@ -24,11 +26,14 @@ struct SampledObject {
   std::map<std::string, double> seconds;  // load, sample
 };
 
+/// Part of every input hash, and of every set: to be raised whenever a change of ours changes results.
+inline constexpr int kMethodVersion = 4;
+
 /// Loads and samples one object. @throws InputError, also when `cancel` becomes true while the file is read
 SampledObject loadSampledObject(const Job& job, const CatalogItem& item, const std::atomic<bool>* cancel = nullptr);
 
-/// The hash of an item's mesh file. @throws InputError  it cannot be read
-std::string meshHash(const CatalogItem& item);
+/// The second half of it: samples a model. @throws InputError
+SampledObject sampleObject(const Job& job, const CatalogItem& item, ObjectModel model);
 
 /// The hash of everything that changes a set's results: mesh bytes and unit, hand files, parameters, method version.
 std::string inputHash(const Job& job, const CatalogItem& item, const std::string& meshHash, const Hand& hand);
@@ -49,11 +54,26 @@ struct BuildCounters {
   std::atomic<std::size_t> trials{0}, forceClosed{0};
 };
 
+/// Everything of a set that is known before its trials are run: object, hand, parameters, samples, distance map.
+GraspSet emptySet(const Job& job, const SampledObject& object, const Hand& hand);
+
+/// Of the set's own random streams.
+std::uint64_t setKey(const GraspSet& set);
+
+/// The row-to-be of a force-closed trial (index into N*R*M).
+KeptGrasp keptGrasp(std::size_t trial, const Evaluation& evaluation);
+
+/// Adds the rows of these grasps to a set without any, with their neighbours in the distance map.
+void addGrasps(const Job& job, const SampledObject& object, const Hand& hand, const std::vector<KeptGrasp>& grasps,
+               GraspSet& set);
+
 /// Runs all N*R*M trials of one object and hand on all threads of `jobs`. Results do not depend on their number.
-/// @param fields  as makePolicy has them
+/// @param fields      as makePolicy has them
+/// @param checkpoint  chunks of trials that an earlier run finished are taken over, new ones written there
 /// @return nothing when `cancel` became true
 std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand,
                                  const std::string& inputHash, const std::shared_ptr<const HandFields>& fields,
-                                 const JobSystem& jobs, BuildCounters& counters, const std::atomic<bool>& cancel);
+                                 const Checkpoint& checkpoint, const JobSystem& jobs, BuildCounters& counters,
+                                 const std::atomic<bool>& cancel);
 
 }  // namespace handhold

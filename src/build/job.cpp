@@ -8,6 +8,7 @@
 #include <array>
 #include <filesystem>
 #include <map>
+#include <numbers>
 #include <sstream>
 
 #include <fmt/format.h>
@@ -112,14 +113,13 @@ void readCsv(const YamlValue& entry, const Job& job, std::vector<CatalogItem>& c
       throw InputError(fmt::format("{}:{}: has {} fields, want {} as in the first line", path, number, fields.size(),
                                    header.size()));
     }
-    std::string text(static_cast<std::size_t>(number - 1), '\n');  // so that the parser counts the same line
+    std::string text;
     for (std::size_t i = 0; i < header.size(); ++i) {
       std::string quoted;
       for (const char c : fields[i]) quoted += c == '\'' ? "''" : std::string(1, c);
-      if (!fields[i].empty())
-        text += fmt::format("{}'{}': '{}'", text.ends_with('\n') || text.empty() ? "{" : ", ", header[i], quoted);
+      if (!fields[i].empty()) text += fmt::format("{}'{}': '{}'", text.empty() ? "{" : ", ", header[i], quoted);
     }
-    const YamlValue row = YamlValue::parseText(text + "}", path);
+    const YamlValue row = YamlValue::parseText(text + "}", path, number);
     row.allowKeys({"name", "mesh", "unit", "scale", "friction", "mass"});
     CatalogItem& item = catalog.emplace_back();
     item.name = row.require("name").text();
@@ -200,9 +200,25 @@ void readLoadMargin(const YamlValue& margin, LoadMarginSettings& settings) {
   }
 }
 
+double readDeviation(const YamlValue& value, double most, const char* unit) {
+  const double deviation = value.number();
+  if (!(deviation >= 0 && deviation <= most)) value.refuse(fmt::format("a number of {} from 0 to {}", unit, most));
+  return deviation;
+}
+
+void readRobustness(const YamlValue& robustness, RobustnessSettings& settings) {
+  robustness.allowKeys({"grasps", "trials", "position", "rotation_deg"});
+  if (const YamlValue* grasps = robustness.find("grasps")) settings.grasps = grasps->integer(1, 1'000'000'000);
+  settings.noise.trials = 100;
+  if (const YamlValue* trials = robustness.find("trials")) settings.noise.trials = trials->integer(1, 1'000'000);
+  settings.noise.position = readDeviation(robustness.require("position"), 0.1, "metres");
+  settings.noise.rotation = readDeviation(robustness.require("rotation_deg"), 90, "degrees") * std::numbers::pi / 180;
+}
+
 void readQuality(const YamlValue& quality, Job& job) {
-  quality.allowKeys({"friction", "cone_edges", "contact_distance", "load_margin"});
+  quality.allowKeys({"friction", "cone_edges", "contact_distance", "load_margin", "robustness"});
   if (const YamlValue* margin = quality.find("load_margin")) readLoadMargin(*margin, job.loadMargin);
+  if (const YamlValue* robustness = quality.find("robustness")) readRobustness(*robustness, job.robustness);
   if (const YamlValue* friction = quality.find("friction")) job.friction = friction->positiveNumber();
   if (const YamlValue* edges = quality.find("cone_edges")) job.coneEdges = edges->integer(3, 64);
   if (const YamlValue* distance = quality.find("contact_distance")) {
@@ -218,14 +234,8 @@ void readKeep(const YamlValue& keep, Job& job) {
   if (const YamlValue* diverse = keep.find("diverse")) job.keepDiverse = diverse->boolean();
 }
 
-}  // namespace
-
-Job loadJob(const std::string& path) {
-  Job job;
-  job.path = path;
-  job.text = readFile(path);
-  const YamlValue top = YamlValue::parseText(job.text, path);
-  top.allowKeys({"catalog", "hands", "sampling", "simulation", "quality", "keep", "distance_map", "seed"});
+void readSettings(const YamlValue& top, Job& job) {
+  top.allowKeys({"catalog", "hands", "sampling", "simulation", "quality", "keep", "distance_map", "seed", "timeout"});
   if (const YamlValue* quality = top.find("quality")) readQuality(*quality, job);
   readSampling(top.require("sampling"), job);
   if (const YamlValue* simulation = top.find("simulation")) readSimulation(*simulation, job);
@@ -235,6 +245,25 @@ Job loadJob(const std::string& path) {
     job.mapNeighbors = map->require("neighbors").integer(1, 64);
   }
   if (const YamlValue* seed = top.find("seed")) job.seed = seed->integer(0, 2'000'000'000);
+  if (const YamlValue* timeout = top.find("timeout")) job.timeout = timeout->positiveNumber();
+}
+
+}  // namespace
+
+Job parseJobSettings(const std::string& text, const std::string& name) {
+  Job job;
+  job.path = name;
+  job.text = text;
+  readSettings(YamlValue::parseText(text, name), job);
+  return job;
+}
+
+Job loadJob(const std::string& path) {
+  Job job;
+  job.path = path;
+  job.text = readFile(path);
+  const YamlValue top = YamlValue::parseText(job.text, path);
+  readSettings(top, job);
   for (const YamlValue& entry : top.require("catalog").items()) readCatalogEntry(entry, job, job.catalog);
   if (job.catalog.empty()) top.require("catalog").refuse("at least one object");
   std::stable_sort(job.catalog.begin(), job.catalog.end(),
@@ -265,17 +294,11 @@ std::vector<Hand> loadHands(const Job& job, const PackagePaths& packages) {
   for (const std::string& path : job.handPaths) {
     Hand& hand = hands.emplace_back(loadHand(path, packages));
     if (job.preshapes.empty()) continue;
-    std::vector<Preshape> chosen;
-    for (const std::string& name : job.preshapes) {
-      const auto it =
-          std::find_if(hand.preshapes.begin(), hand.preshapes.end(), [&](const auto& p) { return p.name == name; });
-      if (it != hand.preshapes.end()) chosen.push_back(*it);
-    }
-    if (chosen.empty()) {
+    choosePreshapes(hand, job.preshapes);
+    if (hand.preshapes.empty()) {
       throw InputError(fmt::format("{}: sampling.preshapes names none of {}'s preshapes: {}", job.path, hand.name,
                                    fmt::join(job.preshapes, ", ")));
     }
-    hand.preshapes = chosen;
   }
   std::sort(hands.begin(), hands.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
   for (std::size_t i = 1; i < hands.size(); ++i) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "build/robustness.h"
 #include "hand/hand.h"
 #include "mesh/object.h"
 #include "quality/load_margin.h"
@@ -32,6 +33,12 @@ struct LoadMarginSettings {
   std::vector<Eigen::Matrix<double, 6, 1>> taskWrenches;  // beside them, as TaskWrenches has them
 };
 
+/// Under which noise, and for how many grasps of a set, the probability of force closure is estimated.
+struct RobustnessSettings {
+  int grasps = 200;  // the best by epsilon
+  PoseNoise noise;   // without trials: none
+};
+
 /// What a job file says (contract in the README). Paths are made relative to the working folder.
 struct Job {
   std::string path, text;
@@ -47,14 +54,20 @@ struct Job {
   int coneEdges = 8;
   double contactDistance = ReferenceSettings{}.contactDistance;  // m
   LoadMarginSettings loadMargin;
+  RobustnessSettings robustness;
   int mapNeighbors = 8;
   std::size_t keepTop = 0;  // 0: all
   bool keepDiverse = false;
   std::uint64_t seed = 1;
+  double timeout = 0;  // s of wall time for reading and sampling an object, and for each of its sets; 0: none
 };
 
 /// @throws InputError  FILE:LINE: KEY ..., for every unknown key, wrong value, repeated name or missing folder
 Job loadJob(const std::string& path);
+
+/// The settings in a job's text, as a set has it: everything but the catalog and the hands, whose files may be gone.
+/// `name` begins messages. @throws InputError
+Job parseJobSettings(const std::string& text, const std::string& name);
 
 /// The settings of both policies with what the job says.
 ReferenceSettings policySettings(const Job& job);

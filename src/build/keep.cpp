@@ -1,7 +1,8 @@
 #include "build/keep.h"
 
+#include "core/farthest_poses.h"
+
 #include <algorithm>
-#include <limits>
 
 namespace handhold {
 
@@ -17,25 +18,11 @@ void keepGrasps(std::vector<KeptGrasp>& grasps, std::size_t top, bool diverse, d
     grasps.resize(top);
     return;
   }
-  std::vector<Eigen::Quaterniond> orientation;
-  orientation.reserve(grasps.size());
-  for (const KeptGrasp& grasp : grasps) orientation.emplace_back(grasp.X_OH.linear());
-  std::vector<double> distance(grasps.size(), std::numeric_limits<double>::infinity());
-  std::vector<bool> kept(grasps.size(), false);
-  std::size_t next = 0;
-  for (std::size_t taken = 0; taken < top; ++taken) {
-    kept[next] = true;
-    for (std::size_t i = 0; i < grasps.size(); ++i) {
-      const double apart = (grasps[i].X_OH.translation() - grasps[next].X_OH.translation()).norm() +
-                           radius * orientation[i].angularDistance(orientation[next]);
-      distance[i] = kept[i] ? -1 : std::min(distance[i], apart);
-    }
-    next = std::max_element(distance.begin(), distance.end()) - distance.begin();
-  }
+  std::vector<Eigen::Isometry3d> poses;
+  poses.reserve(grasps.size());
+  for (const KeptGrasp& grasp : grasps) poses.push_back(grasp.X_OH);
   std::vector<KeptGrasp> result;
-  for (std::size_t i = 0; i < grasps.size(); ++i) {
-    if (kept[i]) result.push_back(std::move(grasps[i]));
-  }
+  for (const std::size_t i : farthestPoses(poses, top, radius).chosen) result.push_back(std::move(grasps[i]));
   grasps = std::move(result);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "build/robustness.h"
 #include "quality/contact.h"
 
 #include <cstdint>
@@ -20,15 +21,16 @@ struct KeptGrasp {
   double epsilonLower = 0, epsilonUpper = 0, criticalFriction = 0;  // on the true cone
   Eigen::VectorXd jointPosition;
   std::vector<Contact> contacts;
+  Eigen::Vector3d centering = Eigen::Vector3d::Zero();           // m, how far a self-centring jaw moved the hand, in O
   double loadMargin = std::numeric_limits<double>::quiet_NaN();  // N, of the best by epsilon
+  Proportion robustness{0, 0};                                   // of the best by epsilon, when the job asks
 };
 
 /// Falling epsilon, ties by trial: the order of the database.
 void sortGrasps(std::vector<KeptGrasp>& grasps);
 
-/// Keeps at most `top` grasps of a sorted list: the best, or with `diverse` the best and then again and again the one
-/// farthest from those kept, where the distance of two hand poses is |p - p'| + s * angle(R, R') with the object's
-/// radius s [m]. The result is sorted again.
+/// Keeps at most `top` grasps of a sorted list (0: all): the best, or with `diverse` the best and then again and again
+/// the one farthest from those kept: farthestPoses of the hand poses, s the object's radius [m]. Stays sorted.
 void keepGrasps(std::vector<KeptGrasp>& grasps, std::size_t top, bool diverse, double radius);
 
 }  // namespace handhold

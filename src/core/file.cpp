@@ -6,6 +6,9 @@
 #include <atomic>
 #include <cctype>
 #include <cerrno>
+#include <charconv>
+#include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -21,6 +24,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::string_view kTemporaryPrefix = ".tmp-";
+constexpr auto kAbandonedAfter = std::chrono::hours(6);  // writing a set takes seconds
+
+std::string hostName() {
+  char host[64] = {};
+  ::gethostname(host, sizeof host - 1);
+  return host;
+}
+
 void syncToDisk(const fs::path& path, int flags) {
   const int descriptor = ::open(path.c_str(), flags | O_CLOEXEC);
   if (descriptor < 0) throw SystemError(fmt::format("{}: cannot be opened: {}", path.string(), std::strerror(errno)));
@@ -31,6 +43,10 @@ void syncToDisk(const fs::path& path, int flags) {
   if (result != 0 && reason != EINVAL) {
     throw SystemError(fmt::format("{}: cannot be written to disk: {}", path.string(), std::strerror(reason)));
   }
+}
+
+void syncFolderOf(const fs::path& file) {
+  syncToDisk(file.has_parent_path() ? file.parent_path() : fs::path("."), O_RDONLY | O_DIRECTORY);
 }
 
 }  // namespace
@@ -61,15 +77,52 @@ bool publishFile(const fs::path& temporary, const fs::path& target) {
   if (result != 0) {
     throw SystemError(fmt::format("{}: cannot be created: {}", target.string(), std::strerror(reason)));
   }
-  syncToDisk(target.has_parent_path() ? target.parent_path() : fs::path("."), O_RDONLY | O_DIRECTORY);
+  syncFolderOf(target);
   return true;
+}
+
+void replaceContent(const fs::path& target, std::string_view content) {
+  const fs::path temporary = temporaryName(target.has_parent_path() ? target.parent_path() : fs::path("."));
+  std::ofstream stream(temporary, std::ios::binary);
+  stream << content;
+  stream.close();
+  if (stream && ::rename(temporary.c_str(), target.c_str()) == 0) return;
+  const int reason = errno;
+  ::unlink(temporary.c_str());
+  throw SystemError(fmt::format("{}: cannot be written: {}", target.string(), std::strerror(reason)));
+}
+
+void replaceFile(const fs::path& temporary, const fs::path& target) {
+  syncToDisk(temporary, O_RDONLY);
+  if (::rename(temporary.c_str(), target.c_str()) != 0) {
+    const int reason = errno;
+    ::unlink(temporary.c_str());
+    throw SystemError(fmt::format("{}: cannot be replaced: {}", target.string(), std::strerror(reason)));
+  }
+  syncFolderOf(target);
 }
 
 fs::path temporaryName(const fs::path& folder) {
   static std::atomic<unsigned> counter{0};
-  char host[64] = {};
-  ::gethostname(host, sizeof host - 1);  // builders on several machines share the folder
-  return folder / fmt::format(".tmp-{}-{}-{}", host, ::getpid(), counter++);
+  // Builders on several machines share the folder.
+  return folder / fmt::format("{}{}-{}-{}", kTemporaryPrefix, hostName(), ::getpid(), counter++);
+}
+
+bool isAbandonedTemporary(const fs::path& path) {
+  const std::string name = path.filename().string();
+  if (!name.starts_with(kTemporaryPrefix) && !name.starts_with(kChunksPrefix)) return false;
+  std::error_code error;
+  const fs::file_time_type written = fs::last_write_time(path, error);
+  if (!error && fs::file_time_type::clock::now() - written > kAbandonedAfter) return true;
+  // .tmp-HOST-PID-COUNTER, and a host's name may have a '-' too
+  const std::string mine = fmt::format("{}{}-", kTemporaryPrefix, hostName());
+  if (!name.starts_with(mine)) return false;
+  pid_t process = 0;
+  const char* end = name.data() + name.size();
+  const auto [stop, wrong] = std::from_chars(name.data() + mine.size(), end, process);
+  const bool isPlain = wrong == std::errc() && process > 0 && stop != end && *stop == '-' &&
+                       name.find_first_not_of("0123456789", stop + 1 - name.data()) == std::string::npos;
+  return isPlain && ::kill(process, 0) != 0 && errno == ESRCH;
 }
 
 bool matchesGlob(std::string_view text, std::string_view pattern) {
@@ -110,6 +163,16 @@ std::string expandEnvironment(std::string_view text, std::string_view where) {
   }
   result += text.substr(position);
   return result;
+}
+
+std::string shellQuoted(const std::string& word) {
+  const bool plain = std::all_of(word.begin(), word.end(), [](unsigned char c) {
+    return std::isalnum(c) != 0 || (c != '\0' && std::strchr("._-+/:=,@%", c) != nullptr);
+  });
+  if (plain && !word.empty()) return word;
+  std::string text = "'";
+  for (const char c : word) text += c == '\'' ? "'\\''" : std::string(1, c);
+  return text + "'";
 }
 
 fs::path programFolder() { return fs::read_symlink("/proc/self/exe").parent_path(); }

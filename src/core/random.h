@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
+#include <numbers>
 
 namespace handhold {
 
@@ -19,6 +21,12 @@ class RandomStream {
 
   /// Uniform in [0, 1), 53 bits, at position `counter`.
   double uniform(std::uint64_t counter) const { return static_cast<double>(bits(counter) >> 11) * 0x1.0p-53; }
+
+  /// Standard normal, from the uniform numbers at positions 2 counter and 2 counter + 1 (Box, Muller 1958).
+  double normal(std::uint64_t counter) const {
+    const double radius = std::sqrt(-2 * std::log1p(-uniform(2 * counter)));
+    return radius * std::cos(2 * std::numbers::pi * uniform(2 * counter + 1));
+  }
 
  private:
   static constexpr std::uint64_t kGolden = 0x9e3779b97f4a7c15ULL;

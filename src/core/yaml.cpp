@@ -16,13 +16,14 @@ namespace handhold {
 /// Turns yaml-cpp's tree into ours. Depth and size are limited: aliases could otherwise blow a small file up.
 struct YamlValue::Parser {
   std::shared_ptr<const std::string> file;
+  int firstLine = 1;
   int budget = 1'000'000;
 
   YamlValue convert(const YAML::Node& node, const std::string& key, int depth) {
     YamlValue value;
     value.file_ = file;
     value.key_ = key;
-    value.line_ = node.Mark().line + 1;
+    value.line_ = node.Mark().line + firstLine;
     if (depth > 50 || --budget < 0) value.fail("is nested too deeply or too large");
     if (node.IsScalar()) {
       value.kind_ = Kind::scalar;
@@ -43,7 +44,7 @@ struct YamlValue::Parser {
     if (!keyNode.IsScalar()) map.fail("has a key that is no plain text");
     const std::string& name = keyNode.Scalar();
     YamlValue entry = convert(valueNode, map.key_.empty() ? name : map.key_ + "." + name, depth + 1);
-    entry.line_ = keyNode.Mark().line + 1;
+    entry.line_ = keyNode.Mark().line + firstLine;
     if (map.find(name) != nullptr) entry.fail("is given twice, want it once");
     map.entries_.emplace_back(name, std::move(entry));
   }
@@ -59,9 +60,9 @@ std::string oneLine(std::string message) {
 }
 
 /// YAML::Load reads the first document and drops the others (YAML::LoadAll does not end on some broken files).
-void refuseSecondDocument(std::string_view text, const std::string& fileName) {
+void refuseSecondDocument(std::string_view text, const std::string& fileName, int firstLine) {
   bool begun = false;
-  for (int line = 1; !text.empty(); ++line) {
+  for (int line = firstLine; !text.empty(); ++line) {
     const std::string_view content = text.substr(0, text.find('\n'));
     text.remove_prefix(std::min(content.size() + 1, text.size()));
     const bool isMarker = content.substr(0, 3) == "---" && content.find_first_not_of(" \t\r", 3) != 3;
@@ -77,15 +78,16 @@ void refuseSecondDocument(std::string_view text, const std::string& fileName) {
 
 YamlValue YamlValue::parseFile(const std::string& path) { return parseText(readFile(path), path); }
 
-YamlValue YamlValue::parseText(std::string_view text, const std::string& fileName) {
+YamlValue YamlValue::parseText(std::string_view text, const std::string& fileName, int firstLine) {
   try {
-    Parser parser{std::make_shared<const std::string>(fileName)};
+    Parser parser{std::make_shared<const std::string>(fileName), firstLine};
     YamlValue value = parser.convert(YAML::Load(std::string(text)), "", 0);
     if (value.kind_ == Kind::null) throw InputError(fmt::format("{}: is empty, want keys and values", fileName));
-    refuseSecondDocument(text, fileName);
+    refuseSecondDocument(text, fileName, firstLine);
     return value;
   } catch (const YAML::Exception& error) {
-    throw InputError(oneLine(fmt::format("{}:{}: is no valid YAML: {}", fileName, error.mark.line + 1, error.msg)));
+    throw InputError(
+        oneLine(fmt::format("{}:{}: is no valid YAML: {}", fileName, error.mark.line + firstLine, error.msg)));
   }
 }
 

@@ -18,7 +18,8 @@ class YamlValue {
   enum class Kind { null, scalar, sequence, map };
 
   static YamlValue parseFile(const std::string& path);
-  static YamlValue parseText(std::string_view text, const std::string& fileName);
+  /// @param firstLine  where in the file the text begins, for messages
+  static YamlValue parseText(std::string_view text, const std::string& fileName, int firstLine = 1);
 
   Kind kind() const { return kind_; }
   /// `FILE:LINE`

@@ -79,6 +79,14 @@ using PackagePaths = std::map<std::string, std::string>;
 /// Reads `FOLDER/hand.yaml` (or the file itself). @throws InputError naming file, line or element
 Hand loadHand(const std::string& path, const PackagePaths& packages = {});
 
+/// The hand in a database record: the texts of its two files, and each link's name and geometry. Equal to the hand that
+/// loadHand read from the files, `notes` aside. @throws InputError  naming the stored text, its line or element
+Hand restoreHand(const std::string& name, const std::string& urdfText, const std::string& configText,
+                 const std::vector<std::string>& linkNames, const std::vector<TriangleMesh>& linkMeshes);
+
+/// Leaves the preshapes of these names, in their order; names that the hand does not have are passed over.
+void choosePreshapes(Hand& hand, const std::vector<std::string>& names);
+
 /// Joint positions (J) with every mimic joint following: q = multiplier * q_master + offset.
 Eigen::VectorXd followMimics(const Hand& hand, Eigen::VectorXd jointPosition);
 

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 
 #include <fmt/format.h>
 
@@ -165,29 +166,19 @@ void requireGeometry(const Hand& hand, const YamlValue& top) {
   top.fail("describes a hand without any geometry that may touch");
 }
 
-}  // namespace
-
-Hand loadHand(const std::string& path, const PackagePaths& packages) {
-  const fs::path file = fs::is_directory(path) ? fs::path(path) / "hand.yaml" : fs::path(path);
-  if (!fs::exists(file))
-    throw InputError(fmt::format("{}: does not exist, want a hand's folder with hand.yaml", file.string()));
-  Hand hand;
-  hand.configText = readFile(file);
-  const YamlValue top = YamlValue::parseText(hand.configText, file.string());
+void refuseUnknownKeys(const YamlValue& top) {
   top.allowKeys(
       {"urdf", "root_link", "palm", "tcp", "preshapes", "closing", "contact_links", "ignore_links", "contact"});
-  hand.name = fs::absolute(file).lexically_normal().parent_path().filename().string();
-  requireName(hand.name, file.string(), "the hand's folder");
+}
 
-  const YamlValue& urdf = top.require("urdf");
-  const std::string urdfPath = (file.parent_path() / expandEnvironment(urdf.text(), urdf.where())).lexically_normal();
-  if (!fs::exists(urdfPath))
-    urdf.refuse("the path of a URDF file, relative to hand.yaml (looked for " + urdfPath + ")");
+/// Empty: the URDF's own root.
+std::string rootLinkOf(const YamlValue& top) {
   const YamlValue* rootLink = top.find("root_link");
-  const YamlValue* ignoreLinks = top.find("ignore_links");
-  readUrdf(urdfPath, rootLink == nullptr ? "" : rootLink->text(),
-           ignoreLinks == nullptr ? std::vector<std::string>{} : ignoreLinks->texts(), packages, hand);
+  return rootLink == nullptr ? "" : rootLink->text();
+}
 
+/// What hand.yaml says of the links and joints that are there already; the hash of it all.
+void configure(const YamlValue& top, Hand& hand) {
   readPalm(top.require("palm"), hand);
   if (const YamlValue* tcp = top.find("tcp")) {
     tcp->allowKeys({"link", "position"});
@@ -215,7 +206,54 @@ Hand loadHand(const std::string& path, const PackagePaths& packages) {
   hash.addText(hand.urdfText);
   hash.addText(hand.configText);
   hand.contentHash = hash.hex();
+}
+
+}  // namespace
+
+Hand loadHand(const std::string& path, const PackagePaths& packages) {
+  const fs::path file = fs::is_directory(path) ? fs::path(path) / "hand.yaml" : fs::path(path);
+  if (!fs::exists(file))
+    throw InputError(fmt::format("{}: does not exist, want a hand's folder with hand.yaml", file.string()));
+  Hand hand;
+  hand.configText = readFile(file);
+  const YamlValue top = YamlValue::parseText(hand.configText, file.string());
+  refuseUnknownKeys(top);
+  hand.name = fs::absolute(file).lexically_normal().parent_path().filename().string();
+  requireName(hand.name, file.string(), "the hand's folder");
+
+  const YamlValue& urdf = top.require("urdf");
+  const std::string urdfPath = (file.parent_path() / expandEnvironment(urdf.text(), urdf.where())).lexically_normal();
+  if (!fs::exists(urdfPath))
+    urdf.refuse("the path of a URDF file, relative to hand.yaml (looked for " + urdfPath + ")");
+  const YamlValue* ignoreLinks = top.find("ignore_links");
+  readUrdf(urdfPath, rootLinkOf(top), ignoreLinks == nullptr ? std::vector<std::string>{} : ignoreLinks->texts(),
+           packages, hand);
+  configure(top, hand);
   return hand;
+}
+
+Hand restoreHand(const std::string& name, const std::string& urdfText, const std::string& configText,
+                 const std::vector<std::string>& linkNames, const std::vector<TriangleMesh>& linkMeshes) {
+  Hand hand;
+  hand.name = name;
+  hand.configText = configText;
+  std::map<std::string, TriangleMesh> meshes;
+  for (std::size_t i = 0; i < std::min(linkNames.size(), linkMeshes.size()); ++i) meshes[linkNames[i]] = linkMeshes[i];
+  const YamlValue top = YamlValue::parseText(configText, "the stored hand.yaml");
+  refuseUnknownKeys(top);
+  readStoredUrdf(urdfText, rootLinkOf(top), meshes, hand);
+  configure(top, hand);
+  return hand;
+}
+
+void choosePreshapes(Hand& hand, const std::vector<std::string>& names) {
+  std::vector<Preshape> chosen;
+  for (const std::string& name : names) {
+    const auto it =
+        std::find_if(hand.preshapes.begin(), hand.preshapes.end(), [&](const auto& p) { return p.name == name; });
+    if (it != hand.preshapes.end()) chosen.push_back(*it);
+  }
+  hand.preshapes = std::move(chosen);
 }
 
 std::string initialHandConfig(const std::string& urdfPath, const PackagePaths& packages) {

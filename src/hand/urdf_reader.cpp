@@ -108,6 +108,7 @@ struct Reader {
   const std::string& path;
   const std::vector<std::string>& ignoreLinks;
   const PackagePaths& packages;
+  const std::map<std::string, TriangleMesh>* storedMeshes;  // null: geometry is read from the files that the URDF names
   Hand& hand;
   ContentHash hash;
 
@@ -141,7 +142,7 @@ struct Reader {
   }
 
   /// All pieces of a link as one mesh in the link frame, rounded as the database stores it.
-  void readGeometry(const urdf::Link& source, HandLink& link) {
+  void readFiles(const urdf::Link& source, HandLink& link) {
     if (std::find(ignoreLinks.begin(), ignoreLinks.end(), source.name) != ignoreLinks.end()) return;
     std::vector<std::pair<urdf::GeometrySharedPtr, Eigen::Isometry3d>> pieces;
     for (const auto& collision : source.collision_array) {
@@ -155,11 +156,21 @@ struct Reader {
         hand.notes.push_back(fmt::format("link {} has no <collision>: its <visual> is used", link.name));
     }
     for (const auto& [geometry, X_LP] : pieces) {
-      const TriangleMesh piece = geometryMesh(*geometry, link.name);
-      for (const Eigen::Vector3d& point : onePointPerPiece(piece)) link.piecePoints.push_back(X_LP * point);
-      append(link.mesh, piece, X_LP);
+      append(link.mesh, geometryMesh(*geometry, link.name), X_LP);
     }
     roundToFloat(link.mesh);
+  }
+
+  /// Everything that follows from a link's geometry is taken from its mesh as it is stored.
+  void readGeometry(const urdf::Link& source, HandLink& link) {
+    if (storedMeshes == nullptr) {
+      readFiles(source, link);
+    } else if (const auto stored = storedMeshes->find(source.name); stored != storedMeshes->end()) {
+      link.mesh = stored->second;
+    } else {
+      refuse(fmt::format("link {} has no stored geometry", source.name));
+    }
+    link.piecePoints = onePointPerPiece(link.mesh);
     for (const auto& vertex : link.mesh.vertices) hash.addBytes(vertex.data(), sizeof vertex);
     for (const auto& triangle : link.mesh.triangles) hash.addBytes(triangle.data(), sizeof triangle);
   }
@@ -281,20 +292,36 @@ Eigen::Isometry3d toPose(const urdf::Pose& pose) {
   return X;
 }
 
-void readUrdf(const std::string& path, const std::string& rootLink, const std::vector<std::string>& ignoreLinks,
-              const PackagePaths& packages, Hand& hand) {
-  hand.urdfText = readFile(path);
-  refuseXacro(path, hand.urdfText);
+namespace {
+
+/// Fills `hand` with the links below `rootLink` of the URDF in hand.urdfText.
+void readLinks(const std::string& path, const std::string& rootLink, const std::vector<std::string>& ignoreLinks,
+               const PackagePaths& packages, const std::map<std::string, TriangleMesh>* storedMeshes, Hand& hand) {
   const auto model = parseUrdf(path, hand.urdfText);
   const auto root = rootLink.empty() ? model->getRoot() : model->getLink(rootLink);
   if (root == nullptr) throw InputError(fmt::format("{}: has no link {}, want the hand's root_link", path, rootLink));
   for (const std::string& name : ignoreLinks) {
     if (model->getLink(name) == nullptr) throw InputError(fmt::format("{}: has no link {} to ignore", path, name));
   }
-  Reader reader{path, ignoreLinks, packages, hand, {}};
+  Reader reader{path, ignoreLinks, packages, storedMeshes, hand, {}};
   reader.addLink(*root, -1, nullptr);
   reader.connectMimics(*model);
   hand.contentHash = reader.hash.hex();
+}
+
+}  // namespace
+
+void readUrdf(const std::string& path, const std::string& rootLink, const std::vector<std::string>& ignoreLinks,
+              const PackagePaths& packages, Hand& hand) {
+  hand.urdfText = readFile(path);
+  refuseXacro(path, hand.urdfText);
+  readLinks(path, rootLink, ignoreLinks, packages, nullptr, hand);
+}
+
+void readStoredUrdf(const std::string& text, const std::string& rootLink,
+                    const std::map<std::string, TriangleMesh>& meshes, Hand& hand) {
+  hand.urdfText = text;
+  readLinks("the stored URDF", rootLink, {}, {}, &meshes, hand);
 }
 
 }  // namespace handhold

@@ -2,6 +2,7 @@
 
 #include "hand/hand.h"
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -12,5 +13,9 @@ namespace handhold {
 /// @throws InputError  naming the file and the element
 void readUrdf(const std::string& path, const std::string& rootLink, const std::vector<std::string>& ignoreLinks,
               const PackagePaths& packages, Hand& hand);
+
+/// The same from a database record: `text` is the URDF, `meshes` each link's geometry by its name.
+void readStoredUrdf(const std::string& text, const std::string& rootLink,
+                    const std::map<std::string, TriangleMesh>& meshes, Hand& hand);
 
 }  // namespace handhold

@@ -230,7 +230,7 @@ std::string lastLine(std::string text) {
 /// Turns an end other than success into the error it stands for.
 void requireSuccess(int status, const std::string& errors, const std::string& path, const ImportLimits& limits) {
   if (WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL) {
-    throw InputError(fmt::format("{}: the importer was killed (signal 9), perhaps for want of memory", path));
+    throw SystemError(fmt::format("{}: the importer was killed (signal 9), perhaps for want of memory", path));
   }
   if (WIFSIGNALED(status)) {
     throw InputError(fmt::format("{}: the importer crashed on it (signal {})", path, WTERMSIG(status)));

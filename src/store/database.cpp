@@ -2,12 +2,12 @@
 
 #include "core/error.h"
 #include "core/file.h"
+#include "store/index.h"
 #include "store/layout.h"
 
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
-#include <cmath>
 #include <cstring>
 #include <tuple>
 
@@ -43,13 +43,14 @@ std::vector<fs::directory_entry> entries(const fs::path& folder) {
   return result;
 }
 
-/// The visible folders in a folder.
-std::vector<fs::path> subfolders(const fs::path& folder) {
+/// The visible folders in a folder whose names match a pattern.
+std::vector<fs::path> subfolders(const fs::path& folder, const std::string& glob = "*") {
   std::vector<fs::path> result;
   for (const fs::directory_entry& entry : entries(folder)) {
     std::error_code error;
-    const bool isHidden = entry.path().filename().string().starts_with('.');
-    if (!isHidden && entry.is_directory(error)) result.push_back(entry.path());
+    const std::string name = entry.path().filename().string();
+    const bool isWanted = !name.starts_with('.') && matchesGlob(name, glob);
+    if (isWanted && entry.is_directory(error)) result.push_back(entry.path());
   }
   return result;
 }
@@ -83,32 +84,25 @@ class TemporaryFile {
   fs::path path_;
 };
 
-template <class Number>
-bool isEqual(const Number& a, const Number& b) {
-  if constexpr (std::is_floating_point_v<Number>) return a == b || (std::isnan(a) && std::isnan(b));
-  return a == b;
-}
-
-template <class Number>
-bool isEqual(const std::vector<Number>& a, const std::vector<Number>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](Number x, Number y) { return isEqual(x, y); });
-}
-
-/// Takes down the first name for which something differs.
-class Comparison {
- public:
-  void add(const std::string& name, bool equal) {
-    if (!equal && first_.empty()) first_ = name;
+/// What is known of every set, from its row of the index where that is up to date.
+std::vector<IndexedSet> indexedSets(const Database& database, std::vector<std::string>& failures) {
+  std::vector<IndexedSet> result;
+  const std::vector<SetFile> files = database.sets();
+  CatalogIndex index(database.folder());
+  for (const SetFile& file : files) {
+    try {
+      std::optional<IndexedSet> set = index.find(file.path);
+      if (!set) {
+        const FileStamp before = stampOf(file.path);  // a change while the file is read makes the row stale
+        set = IndexedSet{readSummary(file.path), before.modifiedNs};
+      }
+      result.push_back(std::move(*set));
+    } catch (const InputError& error) {
+      failures.emplace_back(error.what());
+    }
   }
-  void addMesh(const std::string& folder, const TriangleMesh& a, const TriangleMesh& b) {
-    add(folder + "/vertices", a.vertices == b.vertices);
-    add(folder + "/triangles", a.triangles == b.triangles);
-  }
-  const std::string& first() const { return first_; }
-
- private:
-  std::string first_;
-};
+  return result;
+}
 
 }  // namespace
 
@@ -143,46 +137,54 @@ fs::path Database::write(GraspSet set) const {
   }
 }
 
-std::vector<fs::path> Database::files() const {
-  std::vector<std::tuple<std::string, std::string, int, fs::path>> found;
+std::vector<fs::path> Database::setFolders() const {
+  std::vector<fs::path> folders;
   for (const fs::path& object : subfolders(folder_)) {
-    for (const fs::path& hand : subfolders(object)) {
-      for (const fs::directory_entry& entry : entries(hand)) {
-        const int version = versionOf(entry.path().filename().string());
-        if (version > 0) found.emplace_back(object.filename(), hand.filename(), version, entry.path());
-      }
-    }
+    const std::vector<fs::path> hands = subfolders(object);
+    folders.insert(folders.end(), hands.begin(), hands.end());
   }
-  std::sort(found.begin(), found.end());
+  std::sort(folders.begin(), folders.end());
+  return folders;
+}
+
+std::vector<fs::path> Database::files() const {
   std::vector<fs::path> paths;
-  paths.reserve(found.size());
-  for (const auto& entry : found) paths.push_back(std::get<3>(entry));
+  if (!fs::exists(folder_)) return paths;
+  for (SetFile& set : sets()) paths.push_back(std::move(set.path));
   return paths;
 }
 
-std::string firstDifference(const GraspSet& a, const GraspSet& b) {
-  Comparison comparison;
-  forEachRootAttribute([&](const std::string& name, auto member) {
-    if (name == "generator" || name == "set_version") return;
-    comparison.add("/@" + name, isEqual(a.*member, b.*member));
-  });
-  comparison.addMesh("/object", a.objectMesh, b.objectMesh);
-  comparison.add("/object/center_of_mass", a.centerOfMass == b.centerOfMass);
-  comparison.add("/object@watertight", a.watertight == b.watertight);
-  forEachTexts([&](const char* path, auto member) { comparison.add(path, a.*member == b.*member); });
-  forEachText([&](const char* path, auto member) { comparison.add(path, a.*member == b.*member); });
-  for (std::size_t i = 0; i < a.linkMeshes.size() && i < b.linkMeshes.size() && i < a.linkNames.size(); ++i) {
-    comparison.addMesh(linkFolder(a.linkNames[i]), a.linkMeshes[i], b.linkMeshes[i]);
+std::vector<SetFile> Database::sets(const std::string& objectGlob, const std::string& handGlob) const {
+  if (!fs::is_directory(folder_)) {
+    throw InputError(fmt::format("{}: is no folder, want a database (--db DIR or HANDHOLD_DB)", folder_.string()));
   }
-  const Sizes sizesA = sizesOf(a), sizesB = sizesOf(b);
-  forEachArray([&](const char* path, auto member, std::string_view symbols) {
-    const bool sameShape = std::all_of(symbols.begin(), symbols.end(),
-                                       [&](char symbol) { return sizesA.at(symbol) == sizesB.at(symbol); });
-    comparison.add(path, sameShape && isEqual(a.*member, b.*member));
+  std::vector<SetFile> found;
+  for (const fs::path& object : subfolders(folder_, objectGlob)) {
+    for (const fs::path& hand : subfolders(object, handGlob)) {
+      for (const fs::directory_entry& entry : entries(hand)) {
+        const int version = versionOf(entry.path().filename().string());
+        if (version > 0) found.push_back({entry.path(), object.filename(), hand.filename(), version});
+      }
+    }
+  }
+  std::sort(found.begin(), found.end(), [](const SetFile& a, const SetFile& b) {
+    return std::tie(a.object, a.hand, a.version) < std::tie(b.object, b.hand, b.version);
   });
-  comparison.add("/trials/outcome@names", a.outcomeNames == b.outcomeNames);
-  comparison.add("/trials@by_reference", a.trialsByReference == b.trialsByReference);
-  return comparison.first();
+  return found;
+}
+
+std::vector<GraspSetSummary> Database::summaries(std::vector<std::string>& failures) const {
+  std::vector<GraspSetSummary> result;
+  for (IndexedSet& set : indexedSets(*this, failures)) result.push_back(std::move(set.summary));
+  return result;
+}
+
+std::size_t Database::writeIndex(std::vector<std::string>& failures) const {
+  const std::vector<IndexedSet> sets = indexedSets(*this, failures);
+  const TemporaryFile temporary(temporaryName(folder_));
+  temporary.write(encodeIndex(folder_, sets));
+  replaceFile(temporary.path(), folder_ / kIndexName);
+  return sets.size();
 }
 
 }  // namespace handhold

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "store/grasp_set.h"
+#include "store/query.h"
 
 #include <filesystem>
 #include <limits>
@@ -28,10 +29,22 @@ struct GraspSetSummary {
   double leastCriticalFriction = std::numeric_limits<double>::quiet_NaN();
   double bestLoadMargin = std::numeric_limits<double>::quiet_NaN();     // N, of the grasp with the best epsilon
   double largestLoadMargin = std::numeric_limits<double>::quiet_NaN();  // N, of any
-  std::size_t loadMargins = 0;                                          // grasps that have one
+  int robustnessTrials = 0;                                             // 0: robustness was not asked for
+  double robustnessPosition = 0, robustnessRotation = 0;                // m, rad
+  double bestRobustness = std::numeric_limits<double>::quiet_NaN();     // of the grasp with the best epsilon
+  double bestRobustnessLower = std::numeric_limits<double>::quiet_NaN();
+  double bestRobustnessUpper = std::numeric_limits<double>::quiet_NaN();
+  std::size_t loadMargins = 0;  // grasps that have one
   std::map<std::string, double> seconds;
   std::string created, host;
   std::vector<std::string> objectNotes;
+};
+
+/// A set file, as its path names it.
+struct SetFile {
+  std::filesystem::path path;
+  std::string object, hand;
+  int version = 0;
 };
 
 /// `DIR/<object>/<hand>/v<NNNN>.h5`: complete or absent, never changed once written (db/FORMAT.md).
@@ -54,6 +67,26 @@ class Database {
 
   /// Every set file, sorted by object, hand, version; none when there is no such folder.
   std::vector<std::filesystem::path> files() const;
+  /// Every folder `DIR/<object>/<hand>`, whatever is in it, sorted.
+  std::vector<std::filesystem::path> setFolders() const;
+
+  /// Those whose names match the shell patterns, in the same order.
+  /// @throws InputError  the folder of the database is none
+  std::vector<SetFile> sets(const std::string& objectGlob = "*", const std::string& handGlob = "*") const;
+
+  /// What `list` shows, in the order of files(): from the index where its row is up to date, else from the set.
+  /// A set that cannot be read is left out and a line about it added to `failures`.
+  /// @throws InputError  the folder of the database is none
+  std::vector<GraspSetSummary> summaries(std::vector<std::string>& failures) const;
+  /// Writes `index.sqlite`, which makes summaries() and queries over many sets fast, in place of a former one; reads
+  /// the sets that the former one does not know as they are. Returns how many sets it holds.
+  /// @throws InputError, SystemError  as summaries() and write() do
+  std::size_t writeIndex(std::vector<std::string>& failures) const;
+
+  /// The grasps that pass the filters. Of each set the checksum of the whole file is checked, and /grasps read.
+  /// @throws InputError  the query contradicts itself, picks no set, or asks for more friction than a set was built
+  /// with
+  QueryAnswer query(const GraspQuery& query) const;
 
  private:
   std::filesystem::path folder_;

@@ -17,8 +17,11 @@ struct GraspSet {
   // provenance
   std::string object, hand, inputHash, generator, job, policy;
   int setVersion = 0;
+  int methodVersion = 0;  // of the method that computed it; 0: a set from before this was recorded
   double friction = 0, contactDistance = 0, torqueScale = 0, pitch = 0, mapPitch = 0;
-  double torsionRadius = 0;  // of soft fingers; 0: point contacts
+  double torsionRadius = 0;                               // of soft fingers; 0: point contacts
+  int robustnessTrials = 0;                               // of each grasp; 0: none
+  double robustnessPosition = 0, robustnessRotation = 0;  // standard deviations [m], [rad] of each component
   int coneEdges = 0;
   std::uint64_t seed = 0;
 
@@ -56,6 +59,9 @@ struct GraspSet {
   std::vector<double> epsilonUpper;            // (n)
   std::vector<float> criticalFriction;         // (n)
   std::vector<float> loadMargin;               // (n) [N]; NaN: not known, +infinity: no known limit bounds it
+  std::vector<float> robustness;               // (n) probability of force closure under pose noise; NaN: not known
+  std::vector<float> robustnessLower;          // (n) 95 % interval of it
+  std::vector<float> robustnessUpper;          // (n)
   std::vector<std::uint32_t> contactBegin{0};  // (n+1)
 
   // contacts
@@ -74,6 +80,12 @@ struct GraspSet {
 
   std::size_t graspCount() const { return epsilon.size(); }
   std::size_t trialCount() const { return samples * rolls * preshapes; }
+  /// Pose of the root link of grasp `row` in the object frame; the stored quaternion is normalised once more.
+  Eigen::Isometry3d X_OH(std::size_t row) const {
+    const double* p = handPose.data() + 7 * row;
+    const Eigen::Quaterniond turn = Eigen::Quaterniond(p[6], p[3], p[4], p[5]).normalized();
+    return Eigen::Translation3d(p[0], p[1], p[2]) * turn;
+  }
 };
 
 }  // namespace handhold

@@ -89,6 +89,11 @@ class Hdf5View {
     readNumbers(path, numberType<T>(), values.data(), count);
     return values;
   }
+  /// The shape of a dataset of numbers, which are not read.
+  template <class T>
+  Shape shape(const std::string& path) const {
+    return shapeOf(path, numberType<T>());
+  }
   /// Is there a dataset or group of that name? The group that it lies in must exist.
   bool has(const std::string& path) const;
   bool hasAttribute(const std::string& object, const std::string& attribute) const;

@@ -7,6 +7,7 @@
 #include "store/hdf5_file.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <iterator>
 #include <map>
 #include <string>
@@ -35,14 +36,20 @@ std::string encodeBlock(const SetBlock& block);
 std::string encodeGraspSet(const GraspSet& set);
 /// Throws InputError `WHERE: ...` for the first array whose length, index, order or number contradicts the others.
 void checkGraspSet(const GraspSet& set, std::string_view where);
+/// The same for what readGraspTable reads.
+void checkGraspTable(const GraspSet& set, std::string_view where);
+/// The rows of /grasps, the attributes of / and the names that the rows refer to, after the checksum of the whole file.
+/// The other arrays stay empty. Throws InputError as readGraspSet does.
+GraspSet readGraspTable(const std::filesystem::path& path);
 
 /// Lengths of the arrays by the symbols of db/FORMAT.md. Digits stand for themselves, '+' for n + 1.
 using Sizes = std::map<char, std::size_t>;
 Sizes sizesOf(const GraspSet& set);
 
 /// Arrays of /grasps that older sets do not have: NaN in every row then. A row may have NaN in newer ones too.
-inline constexpr std::string_view kLaterArrays[] = {"/grasps/epsilon_lower", "/grasps/epsilon_upper",
-                                                    "/grasps/critical_friction", "/grasps/load_margin"};
+inline constexpr std::string_view kLaterArrays[] = {
+    "/grasps/epsilon_lower", "/grasps/epsilon_upper",    "/grasps/critical_friction", "/grasps/load_margin",
+    "/grasps/robustness",    "/grasps/robustness_lower", "/grasps/robustness_upper"};
 inline bool isLaterArray(std::string_view path) {
   return std::find(std::begin(kLaterArrays), std::end(kLaterArrays), path) != std::end(kLaterArrays);
 }
@@ -68,6 +75,9 @@ void forEachArray(const Visit& visit) {
   visit("/grasps/epsilon_upper", &GraspSet::epsilonUpper, "n");
   visit("/grasps/critical_friction", &GraspSet::criticalFriction, "n");
   visit("/grasps/load_margin", &GraspSet::loadMargin, "n");
+  visit("/grasps/robustness", &GraspSet::robustness, "n");
+  visit("/grasps/robustness_lower", &GraspSet::robustnessLower, "n");
+  visit("/grasps/robustness_upper", &GraspSet::robustnessUpper, "n");
   visit("/grasps/contact_begin", &GraspSet::contactBegin, "+");
   visit("/contacts/position", &GraspSet::contactPosition, "C3");
   visit("/contacts/normal", &GraspSet::contactNormal, "C3");
@@ -94,8 +104,12 @@ void forEachText(const Visit& visit) {
   visit("/hand/config", &GraspSet::config);
 }
 
-/// The attribute of / that older sets do not have: their contacts are points.
-inline constexpr std::string_view kTorsionRadius = "torsion_radius";
+/// Attributes of / that older sets do not have: the member keeps its default.
+inline constexpr std::string_view kLaterAttributes[] = {"method_version", "torsion_radius", "robustness_trials",
+                                                        "robustness_position", "robustness_rotation"};
+inline bool isLaterAttribute(std::string_view name) {
+  return std::find(std::begin(kLaterAttributes), std::end(kLaterAttributes), name) != std::end(kLaterAttributes);
+}
 
 /// visit(NAME, MEMBER) for every attribute of / but format_version.
 template <class Visit>
@@ -105,6 +119,7 @@ void forEachRootAttribute(const Visit& visit) {
   visit("set_version", &GraspSet::setVersion);
   visit("input_hash", &GraspSet::inputHash);
   visit("generator", &GraspSet::generator);
+  visit("method_version", &GraspSet::methodVersion);
   visit("job", &GraspSet::job);
   visit("policy", &GraspSet::policy);
   visit("seed", &GraspSet::seed);
@@ -113,6 +128,9 @@ void forEachRootAttribute(const Visit& visit) {
   visit("contact_distance", &GraspSet::contactDistance);
   visit("torque_scale", &GraspSet::torqueScale);
   visit("torsion_radius", &GraspSet::torsionRadius);
+  visit("robustness_trials", &GraspSet::robustnessTrials);
+  visit("robustness_position", &GraspSet::robustnessPosition);
+  visit("robustness_rotation", &GraspSet::robustnessRotation);
   visit("pitch", &GraspSet::pitch);
   visit("map_pitch", &GraspSet::mapPitch);
 }

@@ -165,10 +165,11 @@ void readRootAttributes(const Hdf5View& file, GraspSet& set) {
   if (version != kFormatVersion) {
     file.refuse(fmt::format("/@format_version is {}, want {} as in the first bytes", version, kFormatVersion));
   }
-  forEachRootAttribute([&](const char* name, auto member) {
+  forEachRootAttribute([&](const std::string& name, auto member) {
+    if (isLaterAttribute(name) && !file.hasAttribute("/", name)) return;  // from before it
     if constexpr (std::is_same_v<decltype(member), std::string GraspSet::*>) {
       set.*member = file.textAttribute("/", name);
-    } else if (name != kTorsionRadius || file.hasAttribute("/", name)) {
+    } else {
       set.*member = file.number<std::decay_t<decltype(set.*member)>>("/", name);
     }
   });
@@ -192,9 +193,15 @@ std::uint64_t readByReference(const Hdf5View& file, std::size_t trials) {
   return file.hasAttribute("/trials", "by_reference") ? file.number<std::uint64_t>("/trials", "by_reference") : trials;
 }
 
-void readArrays(const Hdf5View& file, GraspSet& set) {
-  Sizes sizes{{'3', 3}, {'7', 7}, {'J', set.jointNames.size()}, {'M', set.preshapeNames.size()}};
+/// What the names alone say about the lengths of the arrays.
+Sizes knownSizes(const GraspSet& set) {
+  return {{'3', 3}, {'7', 7}, {'J', set.jointNames.size()}, {'M', set.preshapeNames.size()}};
+}
+
+/// Reads the arrays below `group`; the lengths that are not known yet are learned from them.
+void readArrays(const Hdf5View& file, std::string_view group, Sizes& sizes, GraspSet& set) {
   forEachArray([&](const char* path, auto member, std::string_view symbols) {
+    if (!std::string_view(path).starts_with(group)) return;
     auto& values = set.*member;
     if constexpr (std::is_floating_point_v<typename std::decay_t<decltype(values)>::value_type>) {
       if (isLaterArray(path) && !file.has(path)) {  // from before them
@@ -209,9 +216,6 @@ void readArrays(const Hdf5View& file, GraspSet& set) {
   set.samples = sizes.at('N');
   set.rolls = sizes.at('R');
   set.preshapes = sizes.at('M');
-  set.neighbors = static_cast<int>(sizes.at('k'));
-  set.outcomeNames = file.textsAttribute("/trials/outcome", "names");
-  set.trialsByReference = readByReference(file, set.trialCount());
 }
 
 void readTimings(const Hdf5View& file, std::map<std::string, double>& seconds, std::string& host,
@@ -246,7 +250,11 @@ GraspSet decodeGraspSet(const Hdf5View& file, const SetBlock& block) {
   forEachTexts([&](const char* path, auto member) { set.*member = file.texts(path); });
   forEachText([&](const char* path, auto member) { set.*member = file.text(path); });
   for (const std::string& name : set.linkNames) set.linkMeshes.push_back(readMesh(file, linkFolder(name)));
-  readArrays(file, set);
+  Sizes sizes = knownSizes(set);
+  readArrays(file, "/", sizes, set);
+  set.neighbors = static_cast<int>(sizes.at('k'));
+  set.outcomeNames = file.textsAttribute("/trials/outcome", "names");
+  set.trialsByReference = readByReference(file, set.trialCount());
   readTimings(file, set.seconds, set.host, set.created);
   return set;
 }
@@ -267,6 +275,13 @@ void readLaterArrays(const Hdf5View& file, Sizes& sizes, GraspSetSummary& summar
   for (const float friction : read("/grasps/critical_friction", 0.0f)) {
     summary.leastCriticalFriction = std::fmin(summary.leastCriticalFriction, friction);
   }
+  const auto first = [&](const char* path) {
+    const std::vector<float> values = read(path, 0.0f);
+    return values.empty() ? std::nan("") : static_cast<double>(values.front());
+  };
+  summary.bestRobustness = first("/grasps/robustness");
+  summary.bestRobustnessLower = first("/grasps/robustness_lower");
+  summary.bestRobustnessUpper = first("/grasps/robustness_upper");
   const std::vector<float> margins = read("/grasps/load_margin", 0.0f);
   if (!margins.empty()) summary.bestLoadMargin = margins.front();
   for (const float margin : margins) {
@@ -298,6 +313,21 @@ GraspSet readGraspSet(const fs::path& path) {
   return set;
 }
 
+GraspSet readGraspTable(const fs::path& path) {
+  const SetBlock block = verifyFile(path);
+  const Hdf5View file(path);
+  GraspSet set;
+  readRootAttributes(file, set);
+  checkBlock(file, block, set);
+  set.jointNames = file.texts("/hand/joint_names");
+  set.preshapeNames = file.texts("/hand/preshape_names");
+  Sizes sizes = knownSizes(set);
+  matchShape(file, "/trials/outcome", file.shape<std::uint8_t>("/trials/outcome"), "NRM", sizes);
+  readArrays(file, "/grasps/", sizes, set);
+  checkGraspTable(set, path.string());
+  return set;
+}
+
 GraspSetSummary readSummary(const fs::path& path) {
   const SetBlock block = verifyFile(path);
   const Hdf5View file(path);
@@ -322,6 +352,9 @@ GraspSetSummary readSummary(const fs::path& path) {
   summary.friction = set.friction;
   summary.coneEdges = set.coneEdges;
   summary.torsionRadius = set.torsionRadius;
+  summary.robustnessTrials = set.robustnessTrials;
+  summary.robustnessPosition = set.robustnessPosition;
+  summary.robustnessRotation = set.robustnessRotation;
   summary.watertight = readWatertight(file);
   summary.samples = trials[0];
   summary.rolls = trials[1];

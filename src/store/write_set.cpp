@@ -50,6 +50,12 @@ void checkProvenance(const GraspSet& set, std::string_view where) {
       if (!std::isfinite(set.*member)) refuse(where, fmt::format("/@{} is {}, want a number", name, set.*member));
     }
   });
+  if (set.robustnessTrials < 0)
+    refuse(where, fmt::format("/@robustness_trials is {}, want >= 0", set.robustnessTrials));
+  if (set.robustnessPosition < 0)
+    refuse(where, fmt::format("/@robustness_position is {}, want >= 0", set.robustnessPosition));
+  if (set.robustnessRotation < 0)
+    refuse(where, fmt::format("/@robustness_rotation is {}, want >= 0", set.robustnessRotation));
   if (set.torsionRadius < 0) refuse(where, fmt::format("/@torsion_radius is {}, want >= 0", set.torsionRadius));
   if (!set.centerOfMass.allFinite()) refuse(where, "/object/center_of_mass is not finite, want three numbers");
 }
@@ -89,9 +95,11 @@ void checkHand(const GraspSet& set, std::string_view where) {
   }
 }
 
-void checkArrays(const GraspSet& set, std::string_view where) {
+/// The arrays below `group`.
+void checkArrays(const GraspSet& set, std::string_view group, std::string_view where) {
   const Sizes sizes = sizesOf(set);
   forEachArray([&](std::string_view path, auto member, std::string_view symbols) {
+    if (!path.starts_with(group)) return;
     const auto& values = set.*member;
     const Shape shape = shapeOf(symbols, sizes);
     std::size_t count = 1;
@@ -144,13 +152,18 @@ void checkRows(const GraspSet& set, std::string_view where) {
       refuse(where, fmt::format("/grasps/epsilon_lower row {} is {}, want at most epsilon_upper {}", row,
                                 set.epsilonLower[row], set.epsilonUpper[row]));
     }
+    const float lower = set.robustnessLower[row], upper = set.robustnessUpper[row];
+    if (lower < 0 || set.robustness[row] < lower || upper < set.robustness[row] || upper > 1) {
+      refuse(where, fmt::format("/grasps/robustness row {} is {} in [{}, {}], want an interval within [0, 1] around it",
+                                row, set.robustness[row], lower, upper));
+    }
     if (set.loadMargin[row] < 0) {
       refuse(where, fmt::format("/grasps/load_margin row {} is {}, want at least 0", row, set.loadMargin[row]));
     }
   }
 }
 
-void checkContacts(const GraspSet& set, std::string_view where) {
+void checkContactBegin(const GraspSet& set, std::string_view where) {
   const std::vector<std::uint32_t>& begin = set.contactBegin;
   if (begin.front() != 0) refuse(where, fmt::format("/grasps/contact_begin starts with {}, want 0", begin.front()));
   for (std::size_t row = 1; row < begin.size(); ++row) {
@@ -159,9 +172,13 @@ void checkContacts(const GraspSet& set, std::string_view where) {
              fmt::format("/grasps/contact_begin row {} is {} after {}, want no fall", row, begin[row], begin[row - 1]));
     }
   }
-  if (begin.back() != set.contactLink.size()) {
-    refuse(where, fmt::format("/grasps/contact_begin ends with {}, want the number of contacts {}", begin.back(),
-                              set.contactLink.size()));
+}
+
+void checkContacts(const GraspSet& set, std::string_view where) {
+  checkContactBegin(set, where);
+  if (set.contactBegin.back() != set.contactLink.size()) {
+    refuse(where, fmt::format("/grasps/contact_begin ends with {}, want the number of contacts {}",
+                              set.contactBegin.back(), set.contactLink.size()));
   }
   for (std::size_t i = 0; i < set.contactLink.size(); ++i) {
     if (set.contactLink[i] >= set.linkNames.size()) {
@@ -275,11 +292,18 @@ void checkGraspSet(const GraspSet& set, std::string_view where) {
   checkProvenance(set, where);
   checkMesh(set.objectMesh, "/object", where);
   checkHand(set, where);
-  checkArrays(set, where);
+  checkArrays(set, "/", where);
   checkOutcomes(set, where);
   checkRows(set, where);
   checkContacts(set, where);
   checkNeighbors(set, where);
+}
+
+void checkGraspTable(const GraspSet& set, std::string_view where) {
+  checkProvenance(set, where);
+  checkArrays(set, "/grasps/", where);
+  checkRows(set, where);
+  checkContactBegin(set, where);
 }
 
 std::string encodeBlock(const SetBlock& block) {

@@ -43,14 +43,6 @@ void requireGrasp(const GraspSet& set, std::size_t grasp) {
   }
 }
 
-Isometry3d handPose(const GraspSet& set, std::size_t grasp) {
-  const double* p = set.handPose.data() + 7 * grasp;
-  Isometry3d X_OH = Isometry3d::Identity();
-  X_OH.linear() = Eigen::Quaterniond(p[6], p[3], p[4], p[5]).normalized().toRotationMatrix();
-  X_OH.translation() = Vector3d(p[0], p[1], p[2]);
-  return X_OH;
-}
-
 bool touches(const GraspSet& set, std::size_t grasp, std::size_t link) {
   const auto begin = set.contactLink.begin();
   return std::count(begin + set.contactBegin[grasp], begin + set.contactBegin[grasp + 1], link) > 0;
@@ -140,7 +132,7 @@ std::vector<ScenePart> graspScene(const GraspSet& set, std::size_t grasp) {
   Eigen::VectorXd jointPosition(nJoints);
   for (std::size_t j = 0; j < nJoints; ++j) jointPosition[j] = set.jointPosition[nJoints * grasp + j];
   const std::vector<Isometry3d> X_HL = linkPosesFromUrdf(set.urdf, set.linkNames, set.jointNames, jointPosition);
-  const Isometry3d X_OH = handPose(set, grasp);
+  const Isometry3d X_OH = set.X_OH(grasp);
 
   std::vector<ScenePart> scene;
   scene.push_back({set.objectMesh, Isometry3d::Identity(), kObjectColour, false});

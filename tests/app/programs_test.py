@@ -46,10 +46,20 @@ class Programs(unittest.TestCase):
         for part in parts:
             self.assertIn(part, result.stderr)
 
+    def fake_sbatch(self, *lines):
+        """A PATH whose sbatch writes down its arguments and then does what the lines say."""
+        program = self.folder / "bin/sbatch"
+        program.parent.mkdir(exist_ok=True)
+        program.write_text("\n".join(["#!/bin/sh", f"printf '%s\\n' \"$@\" --end-- >> {self.folder}/calls", *lines]) + "\n")
+        program.chmod(0o755)
+        return {"PATH": f"{program.parent}:{os.environ['PATH']}"}
+
     # --- what works
 
     def test_help_and_version(self):
-        for arguments in (["--help"], ["build", "--help"], ["list", "--help"], ["info", "--help"], ["hand", "--help"]):
+        for arguments in (["--help"], ["build", "--help"], ["list", "--help"], ["info", "--help"], ["query", "--help"],
+                          ["index", "--help"], ["hand", "--help"], ["verify", "--help"], ["diff", "--help"],
+                          ["prune", "--help"], ["submit", "--help"]):
             result = run(*arguments)
             self.assertEqual(result.returncode, 0)
             self.assertIn("--help", result.stdout)
@@ -96,6 +106,89 @@ class Programs(unittest.TestCase):
         check = subprocess.run(["/usr/bin/python3", SOURCE / "tests/store/check_format.py", *files], capture_output=True, text=True)
         self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
 
+    def test_shards_are_parts_of_the_whole(self):
+        objects = ("box.stl", "t_bar.ply")
+        self.assertIn("1 sets built", self.build("--shard", "0/3", objects=objects).stdout)
+        self.assertIn("1 sets built", self.build("--shard", "1/3", objects=objects).stdout)
+        empty = self.build("--shard", "2/3", objects=objects)
+        self.assertEqual((empty.returncode, empty.stdout.splitlines()[-1]),
+                         (0, "0 sets built, 0 unchanged, 0 failed, 0 stopped before they were done"))
+        self.assertIn("0 sets built, 2 unchanged", self.build(objects=objects).stdout)
+        self.assert_refused(self.build("--shard", "2/3", "--object", "none", objects=objects), "--object none", "picks no set")
+
+    def test_submission_is_shown_without_slurm(self):
+        job = self.job(objects=("box.stl", "can.ply", "t_bar.ply"))
+        db = self.folder / "it's a db%"
+        shown = run("submit", job, "--slurm", "--db", db, "--print", "--shards", "2", "--object", "*", "--", "--account=lab",
+                    "--partition", "long jobs", env={"PATH": "/nowhere"})
+        self.assertEqual(shown.returncode, 0, shown.stderr)
+        self.assertIn("3 sets: 0 done, 3 to build in 2 of 2 shards", shown.stdout)
+        for part in ("export HDF5_USE_FILE_LOCKING=FALSE", f"{HANDHOLD} build {job}", '--shard "$SLURM_ARRAY_TASK_ID/2"',
+                     "--object '*'", "--array=0-1", "--dependency=afterany:", "it'\\''s a db%%/submit/job-"):
+            self.assertIn(part, shown.stdout)
+        commands = [line for line in shown.stdout.splitlines() if line.startswith("sbatch ")]
+        self.assertEqual(len(commands), 2)
+        for command in commands:
+            self.assertIn("--account=lab --partition 'long jobs'", command)
+        self.assertFalse(db.exists())
+
+    def test_submission_calls_sbatch_twice_and_again_for_what_is_missing(self):
+        job = self.job(objects=("box.stl", "can.ply", "t_bar.ply"))
+        submit = ("submit", job, "--slurm", "--db", self.db)
+        sbatch = self.fake_sbatch("echo '41;cluster'")
+        first = run(*submit, "--", "--time=5", env=sbatch)
+        self.assertEqual(first.returncode, 0, first.stderr)
+        array, summary = [call.split() for call in (self.folder / "calls").read_text().split("--end--")[:2]]
+        for call in (array, summary):
+            self.assertIn("--time=5", call)
+        self.assertIn("--array=0-2", array)
+        self.assertIn("--dependency=afterany:41", summary)
+        self.assertEqual(summary[-1], "41")
+        # What Slurm would do.
+        for task in range(2):
+            done = subprocess.run(["bash", array[-1]], env={**os.environ, "SLURM_ARRAY_TASK_ID": str(task), "SLURM_CPUS_ON_NODE": "1"},
+                                  capture_output=True, text=True)
+            self.assertEqual(done.returncode, 0, done.stderr)
+        report = subprocess.run(["bash", *summary[-2:]], capture_output=True, text=True)
+        self.assertEqual(report.returncode, 1, report.stderr)
+        self.assertRegex(report.stdout, r"(?m)^missing +\w+ x jaw  shard 2$")
+        self.assertIn("3 sets: 2 done, 1 to build", report.stdout)
+        (self.folder / "calls").unlink()
+        self.assertIn("1 to build in 1 of 3 shards", run(*submit, env=sbatch).stdout)
+        self.assertIn("--array=2\n", (self.folder / "calls").read_text())
+        self.assertEqual(self.build(objects=("box.stl", "can.ply", "t_bar.ply")).returncode, 0)
+        (self.folder / "calls").unlink()
+        finished = run(*submit, env=sbatch)
+        self.assertEqual((finished.returncode, finished.stdout), (0, "3 sets: 3 done, 0 to build in 0 of 3 shards\n"))
+        self.assertFalse((self.folder / "calls").exists())
+        self.assertEqual(subprocess.run(["bash", *summary[-2:]], capture_output=True).returncode, 0)
+
+    def test_submission_is_refused(self):
+        job = self.job()
+        submit = ("submit", job, "--slurm", "--db", self.db)
+        self.assert_refused(run(*submit, env={"PATH": "/nowhere"}), "sbatch is not in PATH", "slurm-client", "--print")
+        sbatch = self.fake_sbatch("echo 'no such account' >&2; exit 3")
+        failed = run(*submit, env=sbatch)
+        self.assertEqual(failed.returncode, 1)
+        self.assertIn("no such account", failed.stderr)
+        self.assertIn("sbatch refused with exit code 3: sbatch --parsable", failed.stderr)
+        silent = run(*submit, env=self.fake_sbatch("echo welcome"))
+        self.assertEqual(silent.returncode, 1)
+        self.assertIn('printed "welcome', silent.stderr)
+        (self.folder / "calls").unlink()
+        for arguments, parts in (((*submit, "--", "--array=1-4"), ("--array=1-4", "--shards")),
+                                 ((*submit, "--", "-olog"), ("-olog", "-o is not passed on")),
+                                 ((*submit, "--", "--wait"), ("--wait is not passed on",)),
+                                 ((*submit, "stray"), ('"stray"', "after --")),
+                                 ((*submit, "--account=lab"), ("--account=lab",)),
+                                 ((*submit, "--shards", "0"), ("--shards",)),
+                                 ((*submit, "--hand", "none"), ("--hand none", "picks no set")),
+                                 (("submit", job, "--db", self.db), ("--slurm",)),
+                                 (("submit", self.folder / "none.yaml", "--slurm"), ("none.yaml",)),
+                                 (("submit", self.job(sampling="{samples: 0}", name="wrong.yaml"), "--slurm"), ("wrong.yaml:4", "samples"))):
+            self.assert_refused(run(*arguments, env=sbatch), *parts)
+        self.assertFalse((self.folder / "calls").exists())
+
     def test_trial_is_explained_and_nothing_written(self):
         self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
         shutil.move(self.db, self.folder / "built")
@@ -138,6 +231,75 @@ class Programs(unittest.TestCase):
         self.assertIn("core-hours", result.stdout)
         self.assertFalse(self.db.exists())
 
+    def test_dry_run_learns_from_sets(self):
+        self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
+        plan = json.loads(self.build("--dry-run", "--format", "json", objects=("box.stl", "t_bar.ply")).stdout)
+        self.assertEqual([s["state"] for s in plan["sets"]], ["missing", "done"])
+        self.assertEqual(plan["hands"][0]["rates"]["sets"], 1)
+        self.assertGreater(plan["total"]["core_hours"], 0)
+        size = (self.db / "t_bar/jaw/v0001.h5").stat().st_size / 1e9
+        self.assertAlmostEqual(plan["total"]["gigabytes"] / size, 1, delta=0.05)  # a set like the one that is there
+        self.assert_refused(self.build("--format", "json"), "--format json is given without --dry-run")
+
+    def test_verify(self):
+        self.assertEqual(self.build(objects=("box.stl", "t_bar.ply")).returncode, 0)
+        result = run("verify", "--db", self.db, "--sample", "5")
+        self.assertEqual(result.returncode, 0, result.stdout)
+        self.assertIn("t_bar x jaw v0001: 5 grasps and 5 trials recomputed", result.stdout)
+        self.assertIn("2 sets: 2 good", result.stdout)
+        report = json.loads(run("verify", "--db", self.db, "--object", "t*", "--sample", "0", "--format", "json").stdout)
+        self.assertEqual([(r["state"], r["grasps"]) for r in report], [("good", 0)])
+        self.assert_refused(run("verify", "--db", self.db, "--set-version", "2"), "--set-version 2 picks no set")
+        self.assert_refused(run("verify", "--db", self.db, "--sample", "-1"), "--sample")
+        path = self.db / "t_bar/jaw/v0001.h5"
+        data = bytearray(path.read_bytes())
+        data[len(data) // 2] ^= 1
+        path.write_bytes(data)
+        result = run("verify", "--db", self.db)
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("damaged        t_bar x jaw v0001: ", result.stdout)
+        self.assertIn("good           box x jaw v0001: ", result.stdout)  # the rest is done
+
+    def test_diff(self):
+        self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
+        self.assertEqual(self.build("--force", objects=("t_bar.ply",)).returncode, 0)
+        first, second = (self.db / f"t_bar/jaw/v000{v}.h5" for v in (1, 2))
+        equal = run("diff", first, second)
+        self.assertEqual(equal.returncode, 0, equal.stdout)
+        self.assertIn("equal", equal.stdout)
+        self.assertEqual(self.build(objects=("t_bar.ply",), extra="quality: {friction: 0.6}\n").returncode, 0)
+        result = run("diff", "t_bar/jaw/v1", "t_bar/jaw", "--db", self.db)
+        self.assertEqual(result.returncode, 1)
+        for text in ("job quality.friction: (not given) -> 0.6", "friction: 0.4 -> 0.6", "force_closed", "median_epsilon",
+                     "epsilon differs in", "v0003.h5"):
+            self.assertIn(text, result.stdout)
+        report = json.loads(run("diff", first, "t_bar/jaw/v0003", "--db", self.db, "--format", "json").stdout)
+        self.assertFalse(report["equal"])
+        self.assertIn("/@friction", report["datasets"])
+        self.assertEqual(report["grasps"]["pose_changed"], 0)  # friction moves no finger
+        self.assertGreater(report["grasps"]["common"], 0)
+        self.assert_refused(run("diff", first, "t_bar/claw", "--db", self.db), "has no set of t_bar x claw")
+        self.assert_refused(run("diff", first, "nowhere.h5"), "nowhere.h5: is no file")
+
+    def test_prune(self):
+        for _ in range(3):
+            self.assertEqual(self.build("--force", objects=("t_bar.ply",)).returncode, 0)
+        folder = self.db / "t_bar/jaw"
+        (folder / "physics-v0001.h5").write_text("x")
+        dry = run("prune", "--db", self.db, "--keep", "1", "--dry-run")
+        self.assertIn("would remove", dry.stdout)
+        self.assertEqual(len(list(folder.iterdir())), 4)
+        result = run("prune", "--db", self.db, "--keep", "1")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn(f"removed {folder}/v0001.h5 (", result.stdout)
+        self.assertIn("3 files, ", result.stdout)
+        self.assertEqual([p.name for p in folder.iterdir()], ["v0003.h5"])
+        self.assertEqual(self.build("--force", objects=("t_bar.ply",)).returncode, 0)
+        self.assertTrue((folder / "v0004.h5").exists())
+        self.assert_refused(run("prune", "--db", self.db, "--keep", "0"), "--keep")
+        self.assert_refused(run("prune", "--db", self.db), "--keep")
+        self.assert_refused(run("prune", "--db", self.folder / "none", "--keep", "1"), "is no folder")
+
     def test_progress_as_json_lines(self):
         result = run("build", self.job(hand="barrett", sampling="{samples: 100, rolls: 8}"), "--db", self.db, "--progress", "json")
         events = [json.loads(line) for line in result.stderr.splitlines() if line.startswith("{")]
@@ -152,6 +314,78 @@ class Programs(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(picture.read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
         self.assert_refused(run("render", f"{self.db / 't_bar/jaw/v0001.h5'}:100000", "--out", picture), "100000")
+
+    def test_query(self):
+        self.assertEqual(self.build(objects=("box.stl", "t_bar.ply")).returncode, 0)
+        table = run("query", "--db", self.db, "--top", 2)
+        self.assertEqual(table.returncode, 0, table.stderr)
+        lines = table.stdout.splitlines()
+        for word in ("object", "hand", "grasp", "preshape", "epsilon", "mu", "approach", "contacts"):
+            self.assertIn(word, lines[0])
+        self.assertEqual([line.split()[0] for line in lines[1:5]], ["box", "box", "t_bar", "t_bar"])
+        self.assertIn("4 grasps from 2 of 2 sets", lines)
+        self.assertIn("at the friction that the set was built with (0.4)", table.stdout)
+        rows = json.loads(run("query", "--db", self.db, "--object", "t_bar", "--format", "json").stdout)
+        self.assertGreater(len(rows), 4)
+        self.assertEqual(list(rows[0])[:5], ["object", "hand", "set_version", "grasp", "trial"])
+        self.assertEqual([row["grasp"] for row in rows], list(range(len(rows))))
+        self.assertEqual((len(rows[0]["hand_pose"]), len(rows[0]["joint_position"])), (7, len(rows[0]["joint_names"])))
+        diverse = run("query", "--db", self.db, "--object", "t_bar", "--top", 3, "--diverse", "--format", "csv")
+        self.assertEqual(len(diverse.stdout.splitlines()), 4)
+        self.assertRegex(diverse.stderr, rf"t_bar x jaw v1: cover radius 0\.\d+ m: each of the {len(rows)} grasps that pass lies")
+        self.assertIn("cover radius", run("query", "--db", self.db, "--top", 3, "--diverse").stdout)
+
+    def test_an_empty_answer_is_no_failure_and_says_why(self):
+        self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
+        for arguments, why in [(("--min-epsilon", 0.04, "--near", "9,9,9", "--radius", 1), r"\d+ by --min-epsilon, \d+ by --near"),
+                               (("--friction", 0), r"\d+ by --friction"), (("--preshape", "x*"), r"\d+ by --preshape"),
+                               (("--approach", "-.0,0,1e-9", "--within", 0.001, "--near", "9,9,9", "--radius", 0), "left out"),
+                               (("--min-physics", 0), "not simulated")]:
+            result = run("query", "--db", self.db, "--format", "json", *arguments)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertEqual(json.loads(result.stdout), [])
+            self.assertRegex(result.stderr, r"(\d+) of \1 grasps left out: ")
+            self.assertRegex(result.stderr, why)
+        self.assertIn("no physics results beside them", result.stderr)
+
+    def test_query_is_refused_in_words(self):
+        self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
+        for arguments, parts in [(("--friction", 0.5), ("friction is 0.5, want at most 0.4", "t_bar/jaw/v0001.h5")),
+                                 (("--approach", "1,0,0"), ("--approach requires --within",)),
+                                 (("--within", 3), ("--within requires --approach",)),
+                                 (("--near", "1,0,0"), ("--near requires --radius",)),
+                                 (("--radius", 3), ("--radius requires --near",)),
+                                 (("--approach", "1,0", "--within", 3), ('--approach is "1,0", want three numbers',)),
+                                 (("--near", "1,0,0,", "--radius", 3), ('--near is "1,0,0,"',)),
+                                 (("--top", 0), ("--top",)), (("--top", -1), ("--top",)), (("--top", "many"), ("--top",)),
+                                 (("--diverse",), ("--diverse requires --top",)),
+                                 (("--set-version", 2), ("version 2 picks no set",)),
+                                 (("--object", "cup"), ('object "cup"', "picks no set")),
+                                 (("--format", "xml"), ("--format",)), (("--min-epsilon", "nan"), ("min-epsilon is nan",))]:
+            self.assert_refused(run("query", "--db", self.db, *arguments), *parts)
+        self.assert_refused(run("query", "--db", self.folder / "none"), "none: is no folder")
+        self.assert_refused(run("index", "--db", self.folder / "none"), "none: is no folder")
+
+    def test_index_changes_no_answer(self):
+        self.assertEqual(self.build(objects=("box.stl", "t_bar.ply")).returncode, 0)
+        asked = [("list",), ("list", "--format", "json"), ("query", "--min-epsilon", 0.04), ("query", "--friction", 0.3)]
+        answers = [run(*arguments, "--db", self.db) for arguments in asked]
+        result = run("index", "--db", self.db)
+        self.assertEqual((result.returncode, result.stdout), (0, f"2 sets in the index of {self.db}\n"))
+        self.assertTrue((self.db / "index.sqlite").exists())
+
+        def assert_same():
+            for arguments, before in zip(asked, answers):
+                after = run(*arguments, "--db", self.db)
+                self.assertEqual((after.returncode, after.stdout), (before.returncode, before.stdout))
+                self.assertEqual(after.stderr.replace(warning, ""), before.stderr)
+        warning = "none"
+        assert_same()
+        (self.db / "index.sqlite").write_bytes(b"no index" * 1000)
+        warning = run("list", "--db", self.db).stderr
+        self.assertEqual(warning.count("\n"), 1)
+        self.assertIn("index.sqlite: is not used", warning)
+        assert_same()
 
     def test_hand_is_checked(self):
         for hand in ("barrett", "hrp2", "jaw"):
@@ -250,13 +484,52 @@ class Programs(unittest.TestCase):
         self.assertEqual(result.returncode, 1)
         self.assertIn("1 sets built, 0 unchanged, 1 failed", result.stdout)
         self.assertIn("repeat with: handhold build", result.stdout)
-        self.assertEqual([f["object"] for f in json.loads((self.db / "failed.json").read_text())], ["bad"])
+        record = self.db / "bad/jaw/failed.json"
+        failure = json.loads(record.read_text())
+        self.assertEqual((failure["object"], failure["hand"], failure["known_bad"]), ("bad", "jaw", True))
         self.assertTrue((self.db / "box/jaw/v0001.h5").exists())
         plan = run("build", job, "--db", self.db, "--dry-run").stdout
         self.assertIn("failed     bad x jaw", plan)
         self.assertIn("done       box x jaw", plan)
-        (self.db / "failed.json").write_text("[{}, 3, {\"object\": 1}]")  # nonsense in it stops nobody
+        self.assertIn("1 failed and left alone", plan)
+        plan = json.loads(run("build", job, "--db", self.db, "--dry-run", "--format", "json").stdout)
+        self.assertEqual([(s["object"], s["state"]) for s in plan["sets"]], [("bad", "failed"), ("box", "done")])
+        self.assertEqual(plan["sets"][0]["error"], failure["error"])
+        self.assertEqual((plan["total"]["done"], plan["total"]["failed"], plan["total"]["trials"]), (1, 1, 0))
+        record.write_text("[{}, 3, {\"object\": 1}]")  # nonsense in it stops nobody
         self.assertIn("missing    bad x jaw", run("build", job, "--db", self.db, "--dry-run").stdout)
+
+    def test_known_failure_is_left_alone_and_its_command_repeats_it(self):
+        bad = self.folder / "bad.stl"
+        bad.write_bytes(b"\0" * 90)
+        job = self.folder / "job.yaml"
+        job.write_text(f"catalog: [{{name: bad, mesh: bad.stl, unit: m}}]\nhands: [{SOURCE}/hands/jaw]\nsampling: {{samples: 4, rolls: 2}}\n")
+        first = run("build", job, "--db", self.db, "--progress", "none")
+        self.assertIn("error: bad x jaw", first.stderr)
+        again = run("build", job, "--db", self.db, "--progress", "none")
+        self.assertEqual(again.returncode, 1)
+        self.assertIn("1 failed (1 known)", again.stdout)
+        self.assertIn("failed (known; --retry-failed tries again): bad x jaw: ", again.stdout)
+        self.assertEqual(again.stderr, "")
+        command = [line.split("repeat with: handhold ")[1] for line in again.stdout.splitlines() if "repeat with" in line][0]
+        tried = run(*command.split(), cwd="/")  # from anywhere
+        self.assertEqual(tried.returncode, 1)
+        self.assertIn("error: bad x jaw", tried.stderr)
+        shutil.copy(SOURCE / "meshes/box.stl", bad)
+        mended = run("build", job, "--db", self.db, "--progress", "none")
+        self.assertEqual(mended.returncode, 0, mended.stderr)
+        self.assertFalse((self.db / "bad/jaw/failed.json").exists())
+
+    def test_timeout_fails_its_item_alone(self):
+        job = self.job(objects=("box.stl",), hand="barrett", sampling="{samples: 3000, rolls: 16}",
+                       extra="simulation: reference\ntimeout: 2\n")
+        start = time.monotonic()
+        result = run("build", job, "--db", self.db, "--progress", "none")
+        self.assertLess(time.monotonic() - start, 30)
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("box x barrett: took longer than the job's timeout of 2 s", result.stdout)
+        self.assertIn("1 failed (1 known)", run("build", job, "--db", self.db, "--progress", "none").stdout)
+        self.assert_refused(self.build(extra="timeout: -1\n"), "job.yaml:5: timeout is \"-1\", want a number > 0")
 
     def test_wrong_usage(self):
         self.assert_refused(run(), "subcommand")

@@ -1,22 +1,27 @@
 // Whole builds of small jobs: equal sets for any thread count, versions, failures, cancelling.
 #include "build/build_job.h"
 #include "build/build_set.h"
+#include "build/failures.h"
 #include "build/keep.h"
+#include "build/mesh_hashes.h"
 #include "core/error.h"
 #include "quality/true_cone.h"
 
 #include <cmath>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 namespace handhold {
 namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
+using ::testing::UnorderedElementsAre;
 
 /// Computes grasps again from what the set records of them.
 void expectRecomputed(const GraspSet& set) {
@@ -212,13 +217,39 @@ TEST_F(Build, LoadMarginsAreOfTheBestGrasps) {
   EXPECT_EQ(report[0].summary.loadMargins, 5U);
   EXPECT_EQ(build(none, "none", 2)[0].summary.loadMargins, 0U);
 
-  const std::string hash = meshHash(mug.catalog[0]);
+  const std::string hash = meshHash(mug.catalog[0].mesh);
   const auto inputs = [&](const Job& some) { return inputHash(some, some.catalog[0], hash, hand); };
   Job other = mug;
   other.loadMargin.taskWrenches.push_back(Eigen::Matrix<double, 6, 1>::Ones());
   EXPECT_NE(inputs(few), inputs(mug));
   EXPECT_NE(inputs(none), inputs(mug));
   EXPECT_NE(inputs(other), inputs(mug));
+}
+
+// The best by epsilon are tried under noise, as many as the job says, with one thread as with many; the record is
+// enough to find the numbers again.
+TEST_F(Build, RobustnessIsOfTheBestGrasps) {
+  Job mug = job(entry("mug", "mug.obj"), "barrett");
+  const Hand hand = loadHands(mug)[0];
+  const std::string hash = meshHash(mug.catalog[0].mesh), without = inputHash(mug, mug.catalog[0], hash, hand);
+  mug.robustness = {6, {2e-3, 0.03, 12}};
+  EXPECT_NE(inputHash(mug, mug.catalog[0], hash, hand), without);
+  const GraspSet set = readGraspSet(build(mug, "one", 1)[0].summary.path);
+  EXPECT_EQ(firstDifference(set, readGraspSet(build(mug, "three", 3)[0].summary.path)), "");
+  EXPECT_EQ(set.robustnessTrials, 12);
+  EXPECT_EQ(set.robustnessPosition, 2e-3);
+  ASSERT_GT(set.graspCount(), 6U);
+  double sum = 0;
+  for (std::size_t i = 0; i < set.graspCount(); ++i) {
+    ASSERT_EQ(std::isnan(set.robustness[i]), i >= 6) << i;
+    if (i >= 6) continue;
+    EXPECT_NEAR(std::remainder(12 * set.robustness[i], 1), 0, 1e-5);
+    EXPECT_LE(set.robustnessLower[i], set.robustness[i]);
+    EXPECT_GE(set.robustnessUpper[i], set.robustness[i]);
+    sum += set.robustness[i];
+  }
+  EXPECT_GT(sum, 0);
+  EXPECT_LT(sum, 6);
 }
 
 // A hand whose joints have no effort: the set is built, without margins.
@@ -257,23 +288,124 @@ TEST_F(Build, OneBadObjectDoesNotStopTheOthers) {
   EXPECT_THAT(reports[0].command, HasSubstr("--object bad --hand jaw"));
   EXPECT_EQ(reports[1].state, SetReport::State::built);
   EXPECT_EQ(reports[2].state, SetReport::State::failed);
-  std::ifstream record(folder_ / "db" / "failed.json");
-  const std::string text((std::istreambuf_iterator<char>(record)), {});
-  EXPECT_THAT(text, HasSubstr("\"object\": \"bad\""));
-  EXPECT_THAT(text, HasSubstr("\"object\": \"gone\""));
+  const Database database(folder_ / "db");
+  const auto bad = readFailure(database, "bad", "jaw"), gone = readFailure(database, "gone", "jaw");
+  ASSERT_TRUE(bad && gone);
+  EXPECT_EQ(bad->error, reports[0].error);
+  EXPECT_EQ(bad->command, reports[0].command);
+  EXPECT_TRUE(bad->knownBad);
+  EXPECT_FALSE(gone->knownBad);  // a file that is not there may be there the next time
+  EXPECT_FALSE(readFailure(database, "box", "jaw"));
 }
 
-TEST_F(Build, ShardsDealEverySetOutOnce) {
-  const Job all = job(entry("box", "box.stl") + entry("can", "can.ply") + entry("tube", "tube.obj"));
+// What failed is left alone until its inputs change or somebody asks for it.
+TEST_F(Build, KnownBadInputsAreNotTriedAgain) {
+  const fs::path mesh = folder_ / "bad.stl";
+  std::ofstream(mesh) << "";
+  const std::string catalog =
+      "  - {name: bad, mesh: " + mesh.string() + ", unit: m}\n" + entry("box", "box.stl") + entry("can", "can.ply");
+  const Job all = job(catalog);
+  EXPECT_FALSE(build(all, "db", 2)[0].known);
+  const auto again = build(all, "db", 2);
+  EXPECT_EQ(again[0].state, SetReport::State::failed);
+  EXPECT_TRUE(again[0].known);
+  EXPECT_THAT(again[0].error, HasSubstr("bad.stl"));
+  EXPECT_THAT(again[0].command, HasSubstr("--retry-failed"));
+  EXPECT_EQ(again[1].state, SetReport::State::unchanged);
+
+  BuildOptions options;
+  options.progress = ProgressMode::none;
+  options.objectGlob = "box";  // a run over a part leaves the others' records
+  buildJob(all, loadHands(all), Database(folder_ / "db"), options, never_);
+  EXPECT_TRUE(readFailure(Database(folder_ / "db"), "bad", "jaw"));
+  options.objectGlob = "*";
+  EXPECT_EQ(planJob(all, loadHands(all), Database(folder_ / "db"), options)[0].state, PlannedSet::State::failed);
+  options.retryFailed = true;
+  EXPECT_EQ(planJob(all, loadHands(all), Database(folder_ / "db"), options)[0].state, PlannedSet::State::missing);
+  EXPECT_FALSE(buildJob(all, loadHands(all), Database(folder_ / "db"), options, never_)[0].known);
+
+  const auto other = build(job(catalog, "jaw", "", "seed: 2\n"), "db", 2);  // another parameter, another input
+  EXPECT_FALSE(other[0].known);
+  fs::copy_file(HANDHOLD_SOURCE_DIR "/meshes/box.stl", mesh, fs::copy_options::overwrite_existing);
+  EXPECT_EQ(build(all, "db", 2)[0].state, SetReport::State::built);
+  EXPECT_FALSE(readFailure(Database(folder_ / "db"), "bad", "jaw"));
+}
+
+// The disk's failure is not the input's: the set is tried again as soon as there is room.
+TEST_F(Build, FailuresOfTheMachineAreNotRemembered) {
+  const Job one = job(entry("box", "box.stl"));
+  fs::create_directories(folder_ / "db" / "box");
+  std::ofstream(folder_ / "db" / "box" / "jaw") << "in the way";
+  const auto blocked = build(one, "db", 2);
+  EXPECT_EQ(blocked[0].state, SetReport::State::failed);
+  fs::remove(folder_ / "db" / "box" / "jaw");
+  EXPECT_EQ(build(one, "db", 2)[0].state, SetReport::State::built);
+
+  const fs::path limited = folder_ / "limited";  // the record can be written, the set cannot
+  std::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  ::getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit small{20'000, before.rlim_max};
+  ::setrlimit(RLIMIT_FSIZE, &small);
+  const auto full = build(one, "limited", 2);
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_THAT(full[0].error, HasSubstr("cannot be written: File too large"));
+  const auto record = readFailure(Database(limited), "box", "jaw");
+  ASSERT_TRUE(record);
+  EXPECT_FALSE(record->knownBad);
+  EXPECT_EQ(build(one, "limited", 2)[0].state, SetReport::State::built);
+}
+
+// An object's timeout is known to come again until more time is given.
+TEST_F(Build, TimeoutsFailTheirSetAlone) {
+  const auto withTimeout = [&](const std::string& seconds) {
+    const std::string source = HANDHOLD_SOURCE_DIR;
+    std::ofstream(folder_ / "slow.yaml") << "catalog:\n"
+                                         << entry("box", "box.stl") << "hands: [" << source << "/hands/jaw]\n"
+                                         << "sampling: {samples: 3000, rolls: 16}\nsimulation: reference\n"
+                                         << (seconds.empty() ? "" : "timeout: " + seconds + "\n");
+    return loadJob((folder_ / "slow.yaml").string());
+  };
+  const auto slow = build(withTimeout("1.5"), "db", 1);
+  ASSERT_EQ(slow[0].state, SetReport::State::failed);
+  EXPECT_THAT(slow[0].error, HasSubstr("took longer than the job's timeout of 1.5 s"));
+  const auto record = readFailure(Database(folder_ / "db"), "box", "jaw");
+  ASSERT_TRUE(record);
+  EXPECT_EQ(record->timeout, 1.5);
+  EXPECT_TRUE(build(withTimeout("1"), "db", 1)[0].known);
+  const std::vector<Hand> hands = loadHands(withTimeout("2"));
+  EXPECT_EQ(planJob(withTimeout("2"), hands, Database(folder_ / "db"), {})[0].state, PlannedSet::State::missing);
+  EXPECT_EQ(planJob(withTimeout(""), hands, Database(folder_ / "db"), {})[0].state, PlannedSet::State::missing);
+  EXPECT_EQ(planJob(withTimeout("1.5"), hands, Database(folder_ / "db"), {})[0].state, PlannedSet::State::failed);
+}
+
+TEST_F(Build, EverySetIsInOneShard) {
+  const Job all = job(entry("box", "box.stl") + entry("can", "can.ply") + entry("tube", "tube.obj"),
+                      "jaw, " HANDHOLD_SOURCE_DIR "/hands/hrp2");
   const std::vector<Hand> hands = loadHands(all);
-  std::size_t sets = 0;
-  for (std::size_t shard = 0; shard < 3; ++shard) {
-    BuildOptions options;
-    options.shard = shard;
-    options.shards = 3;
-    sets += planJob(all, hands, Database(folder_ / "db"), options).size();
+  for (std::size_t shards = 1; shards <= 9; ++shards) {
+    std::vector<std::string> sets;
+    for (std::size_t shard = 0; shard < shards; ++shard) {
+      BuildOptions options;
+      options.shard = shard;
+      options.shards = shards;
+      for (const PlannedSet& set : planJob(all, hands, Database(folder_ / "db"), options)) {
+        sets.push_back(set.object + "/" + set.hand);
+      }
+    }
+    EXPECT_THAT(sets, UnorderedElementsAre("box/jaw", "box/hrp2", "can/jaw", "can/hrp2", "tube/jaw", "tube/hrp2"))
+        << shards << " shards";
   }
-  EXPECT_EQ(sets, 3U);
+}
+
+// Eight tasks for seven sets: one has nothing to do, and says so by doing nothing.
+TEST_F(Build, AnEmptyShardIsDone) {
+  const Job one = job(entry("box", "box.stl"));
+  BuildOptions options;
+  options.progress = ProgressMode::none;
+  options.shard = 1;
+  options.shards = 2;
+  EXPECT_TRUE(buildJob(one, loadHands(one), Database(folder_ / "db"), options, never_).empty());
 }
 
 TEST_F(Build, CancelLeavesNoTrace) {

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <numbers>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -61,6 +62,7 @@ TEST_F(JobFile, DefaultsAreThoseOfTheContract) {
   EXPECT_EQ(job.coneEdges, 8);
   EXPECT_EQ(job.keepTop, 0U);
   EXPECT_EQ(job.seed, 1U);
+  EXPECT_EQ(job.robustness.noise.trials, 0);
   EXPECT_EQ(job.loadMargin.grasps, 200);
   EXPECT_EQ(job.loadMargin.directions, 14);
   EXPECT_TRUE(job.loadMargin.taskWrenches.empty());
@@ -131,6 +133,25 @@ TEST_F(JobFile, LoadMarginHasTasks) {
   EXPECT_TRUE(tasks.leftCols(6) == weightDirections(6));
   EXPECT_EQ(tasks(5, 6), 0.1);
   EXPECT_EQ(tasks(4, 7), 2);
+}
+
+TEST_F(JobFile, RobustnessHasNoise) {
+  const auto text = [](const std::string& robustness) {
+    return "sampling: {samples: 10}\nquality: {robustness: " + robustness + "}\n";
+  };
+  const Job job = load(good_, text("{position: 0.003, rotation_deg: 90}"));
+  EXPECT_EQ(job.robustness.grasps, 200);
+  EXPECT_EQ(job.robustness.noise.trials, 100);
+  EXPECT_EQ(job.robustness.noise.position, 0.003);
+  EXPECT_DOUBLE_EQ(job.robustness.noise.rotation, std::numbers::pi / 2);
+  const auto refused = [&](const std::string& robustness) { return refusal(good_, text(robustness)); };
+  EXPECT_THAT(refused("{position: 0.003}"), HasSubstr("job.yaml:5: quality.robustness has no key \"rotation_deg\""));
+  EXPECT_THAT(refused("{position: -1, rotation_deg: 3}"), HasSubstr("quality.robustness.position is \"-1\""));
+  EXPECT_THAT(refused("{position: .nan, rotation_deg: 3}"), HasSubstr("quality.robustness.position"));
+  EXPECT_THAT(refused("{position: 0, rotation_deg: 91}"), HasSubstr("quality.robustness.rotation_deg is \"91\""));
+  EXPECT_THAT(refused("{position: 0, rotation_deg: 0, trials: 0}"), HasSubstr("quality.robustness.trials is \"0\""));
+  EXPECT_THAT(refused("{position: 0, rotation_deg: 0, noise: 1}"),
+              HasSubstr("quality.robustness.noise is not a known key"));
 }
 
 TEST_F(JobFile, RefusesOtherLoads) {

@@ -3,6 +3,8 @@
 #include "core/error.h"
 
 #include <algorithm>
+#include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <set>
@@ -12,6 +14,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 namespace handhold {
@@ -84,6 +87,18 @@ TEST_F(PublishFile, NeverOverwrites) {
   EXPECT_EQ(names(), std::set<std::string>{"v0001.h5"});
 }
 
+TEST_F(PublishFile, ReplaceFileTakesThePlaceOfAFile) {
+  for (const char* content : {"first", "second"}) {
+    replaceFile(write(".tmp", content), folder_ / "index");
+    EXPECT_EQ(readFile(folder_ / "index"), content);
+  }
+  EXPECT_EQ(names(), std::set<std::string>{"index"});
+  fs::create_directory(folder_ / "taken");
+  EXPECT_THAT([&] { replaceFile(write(".tmp", "x"), folder_ / "taken"); },
+              ThrowsMessage<SystemError>(HasSubstr("taken: cannot be replaced: ")));
+  EXPECT_EQ(names(), (std::set<std::string>{"index", "taken"}));
+}
+
 // A link that leads nowhere is a name that is taken.
 TEST_F(PublishFile, NeverFollowsALink) {
   fs::create_symlink(folder_ / "elsewhere", folder_ / "v0001.h5");
@@ -136,6 +151,48 @@ TEST_F(TemporaryName, IsHiddenAndUnique) {
   EXPECT_EQ(a.parent_path(), folder_);
   EXPECT_THAT(a.filename().string(), StartsWith("."));
   EXPECT_THAT(a.filename().string(), HasSubstr(std::to_string(::getpid())));
+}
+
+using ReplaceFile = FileTest;
+using AbandonedTemporary = FileTest;
+
+TEST_F(ReplaceFile, WritesAnewAndOver) {
+  replaceContent(folder_ / "record", "first, longer");
+  EXPECT_EQ(readFile(folder_ / "record"), "first, longer");
+  replaceContent(folder_ / "record", "second");
+  EXPECT_EQ(readFile(folder_ / "record"), "second");
+  EXPECT_EQ(names(), std::set<std::string>{"record"});
+}
+
+TEST_F(ReplaceFile, SaysWhyItCannot) {
+  EXPECT_THAT([&] { replaceContent(folder_ / "none" / "record", "x"); },
+              ThrowsMessage<SystemError>(HasSubstr("none/record: cannot be written: No such file or directory")));
+  fs::create_directories(folder_ / "taken" / "below");
+  EXPECT_THAT([&] { replaceContent(folder_ / "taken", "x"); }, ThrowsMessage<SystemError>(HasSubstr("Is a directory")));
+  EXPECT_EQ(names(), std::set<std::string>{"taken"});
+}
+
+TEST_F(AbandonedTemporary, IsThatOfADeadProcessOrAnOldOne) {
+  const fs::path mine = temporaryName(folder_);
+  write(mine.filename(), "being written");
+  EXPECT_FALSE(isAbandonedTemporary(mine));
+  const auto old = fs::file_time_type::clock::now() - std::chrono::hours(7);
+  fs::last_write_time(mine, old);
+  EXPECT_TRUE(isAbandonedTemporary(mine));
+
+  const pid_t child = ::fork();
+  if (child == 0) ::_exit(0);
+  ::waitpid(child, nullptr, 0);
+  std::string name = temporaryName(folder_).filename().string();
+  const std::string pid = fmt::format("-{}-", ::getpid());
+  name.replace(name.rfind(pid), pid.size(), fmt::format("-{}-", child));
+  EXPECT_TRUE(isAbandonedTemporary(write(name, "half")));
+  EXPECT_FALSE(isAbandonedTemporary(write(name + "-x", "of another form")));
+  // Another machine's process cannot be asked for: time alone tells.
+  EXPECT_FALSE(isAbandonedTemporary(write(fmt::format(".tmp-elsewhere.example-{}-0", child), "x")));
+  const fs::path other = write("v0001.h5", "x");
+  fs::last_write_time(other, old);
+  EXPECT_FALSE(isAbandonedTemporary(other));
 }
 
 TEST(MatchesGlob, ShellPatterns) {
@@ -203,6 +260,20 @@ TEST(ExpandEnvironment, RefusesUnsetVariable) {
               ThrowsMessage<InputError>(
                   StrEq("f.yaml:4: ${HANDHOLD_TEST_NONE} is not set, want an environment variable with a path")));
   EXPECT_THAT([] { expandEnvironment("${}", "f.yaml:4"); }, ThrowsMessage<InputError>(HasSubstr("${} is not set")));
+}
+
+// What a shell makes of it is what was given.
+TEST(ShellQuoted, IsOneWordOfAShell) {
+  EXPECT_EQ(shellQuoted("/data/db-1_a.b"), "/data/db-1_a.b");
+  for (const std::string word :
+       {"", " ", "a b", "it's", "$HOME `id` \\ \"x\"", "*?[a]", "~", "#x", "a\nb", "-n;&|<>(){}!"}) {
+    std::FILE* pipe = ::popen(("printf '<%s>' " + shellQuoted(word)).c_str(), "r");
+    ASSERT_NE(pipe, nullptr);
+    char output[100] = {};
+    std::fread(output, 1, sizeof output - 1, pipe);
+    EXPECT_EQ(::pclose(pipe), 0);
+    EXPECT_EQ(output, "<" + word + ">");
+  }
 }
 
 TEST(ProgramFolder, HoldsThisProgram) { EXPECT_TRUE(fs::is_directory(programFolder())); }

@@ -56,6 +56,28 @@ TEST(RandomStream, ItemAndStreamDoNotExchange) {
   EXPECT_NE(RandomStream(1).child(3).child(5).bits(0), RandomStream(1).child(5).child(3).bits(0));
 }
 
+// Mean, variance, kurtosis and the tails of the normal distribution, each within five standard errors.
+TEST(RandomStream, NormalNumbersAreNormal) {
+  constexpr int kCount = 100'000;
+  double sum = 0, squares = 0, fourths = 0, products = 0;
+  int beyondTwo = 0;
+  for (int i = 0; i < kCount; ++i) {
+    const double x = RandomStream(5).normal(i), y = RandomStream(5).normal(i + 1);
+    ASSERT_TRUE(std::isfinite(x));
+    sum += x;
+    squares += x * x;
+    fourths += x * x * x * x;
+    products += x * y;
+    beyondTwo += std::abs(x) > 2;
+  }
+  const double error = 5 / std::sqrt(kCount);
+  EXPECT_NEAR(sum / kCount, 0, error);
+  EXPECT_NEAR(squares / kCount, 1, error * std::sqrt(2));
+  EXPECT_NEAR(fourths / kCount, 3, error * std::sqrt(96));
+  EXPECT_NEAR(products / kCount, 0, error);
+  EXPECT_NEAR(beyondTwo / static_cast<double>(kCount), std::erfc(std::sqrt(2)), error * 0.21);
+}
+
 // One bit more in the key or the counter flips half of the bits, give or take.
 TEST(RandomStream, NeighboursAreUnrelated) {
   int flippedByKey = 0, flippedByCounter = 0;

@@ -1,5 +1,6 @@
 // The hands in hands/, and those of tests/data/hands where HANDHOLD_DATA names the collection that holds their URDFs.
 
+#include "core/error.h"
 #include "hand/hand.h"
 #include "mesh/ray_scene.h"
 
@@ -182,6 +183,45 @@ INSTANTIATE_TEST_SUITE_P(Data, OtherHands,
                                          OtherHand{"franka_hand", 2, 2, 1}, OtherHand{"panda_hand", 2, 2, 1},
                                          OtherHand{"robotiq_2f85", 6, 2, 1}),
                          [](const auto& item) { return std::string(item.param.name); });
+
+// A hand that comes back from its texts and meshes is the hand that was loaded.
+TEST(RestoreHand, EqualsTheLoadedHand) {
+  for (const std::string name : {"barrett", "hrp2", "jaw"}) {
+    SCOPED_TRACE(name);
+    const Hand hand = loadHand(kRoot + "/hands/" + name);
+    std::vector<std::string> names;
+    std::vector<TriangleMesh> meshes;
+    for (const HandLink& link : hand.links) {
+      names.push_back(link.name);
+      meshes.push_back(link.mesh);
+    }
+    const Hand restored = restoreHand(hand.name, hand.urdfText, hand.configText, names, meshes);
+    EXPECT_EQ(restored.name, hand.name);
+    EXPECT_EQ(restored.contentHash, hand.contentHash);
+    ASSERT_EQ(restored.links.size(), hand.links.size());
+    for (std::size_t i = 0; i < hand.links.size(); ++i) {
+      EXPECT_EQ(restored.links[i].name, hand.links[i].name);
+      EXPECT_EQ(restored.links[i].piecePoints, hand.links[i].piecePoints);
+      EXPECT_EQ(restored.links[i].contactAllowed, hand.links[i].contactAllowed);
+    }
+    ASSERT_EQ(restored.preshapes.size(), hand.preshapes.size());
+    EXPECT_EQ(restored.preshapes[0].jointPosition, hand.preshapes[0].jointPosition);
+    ASSERT_EQ(restored.closing.size(), hand.closing.size());
+    EXPECT_EQ(restored.X_LG.matrix(), hand.X_LG.matrix());
+    names.pop_back();
+    EXPECT_THROW(restoreHand(hand.name, hand.urdfText, hand.configText, names, meshes), InputError);
+  }
+}
+
+TEST(ChoosePreshapes, TakesThoseOfTheHandInTheGivenOrder) {
+  Hand hand = loadHand(kRoot + "/hands/jaw");
+  ASSERT_GE(hand.preshapes.size(), 2U);
+  const std::string first = hand.preshapes[0].name, second = hand.preshapes[1].name;
+  choosePreshapes(hand, {second, "nobody's", first});
+  ASSERT_EQ(hand.preshapes.size(), 2U);
+  EXPECT_EQ(hand.preshapes[0].name, second);
+  EXPECT_EQ(hand.preshapes[1].name, first);
+}
 
 }  // namespace
 }  // namespace handhold

@@ -114,6 +114,21 @@ def true_cone_defect(file):
     return None
 
 
+def robustness_defect(file):
+    """A probability within its interval, each in [0, 1]; NaN in all three or none."""
+    names = ("grasps/robustness_lower", "grasps/robustness", "grasps/robustness_upper")
+    if any(name not in file for name in names):
+        return None  # told already
+    lower, share, upper = (np.asarray(file[name][()], float) for name in names)
+    known = ~np.isnan(share)
+    if np.any(np.isnan(lower) == known) or np.any(np.isnan(upper) == known):
+        return "/grasps/robustness and its interval are not NaN in the same rows"
+    ordered = (0 <= lower) & (lower <= share) & (share <= upper) & (upper <= 1)
+    if not np.all(ordered[known]):
+        return "/grasps/robustness lies outside its interval, or that outside [0, 1]"
+    return None
+
+
 def load_margin_defect(file):
     """Loads are not negative; NaN and infinity are allowed."""
     if "grasps/load_margin" not in file:
@@ -144,6 +159,7 @@ def defects(path, rows):
                 found.append(shape_defect(name, item[1], shape, sizes) or unit_defect(name, item[2], unit))
         found.append(true_cone_defect(file))
         found.append(load_margin_defect(file))
+        found.append(robustness_defect(file))
         present, empty_groups = contents(file)
         found += [f"{name} is not in the table" for name in sorted((present | empty_groups) - named)]
     return [defect for defect in found if defect], len(named), sizes

@@ -11,9 +11,10 @@ import sys
 import h5py
 import numpy as np
 
-OPTIONAL = {("/trials", "by_reference"), ("/", "torsion_radius")}  # older sets do not have them
+OPTIONAL = {("/trials", "by_reference"), ("/", "torsion_radius"), ("/", "method_version"), ("/", "robustness_trials"),
+            ("/", "robustness_position"), ("/", "robustness_rotation")}  # older sets do not have them
 OPTIONAL_DATASETS = {"/grasps/epsilon_lower", "/grasps/epsilon_upper", "/grasps/critical_friction",
-                     "/grasps/load_margin"}
+                     "/grasps/load_margin", "/grasps/robustness", "/grasps/robustness_lower", "/grasps/robustness_upper"}
 
 good, folder = sys.argv[1:3]
 count = 0
@@ -117,6 +118,7 @@ damage(edited("/grasps/epsilon", 4, 5.0), "/grasps/epsilon row 4 is 5 after ")
 damage(edited("/grasps/epsilon", 4, np.nan), "/grasps/epsilon is nan at element 4")
 damage(edited("/grasps/epsilon_lower", 3, 5.0), "/grasps/epsilon_lower row 3 is 5, want at most epsilon_upper")
 damage(edited("/grasps/epsilon_upper", 3, np.inf), "/grasps/epsilon_upper is inf at element 3")
+damage(edited("/grasps/robustness", 2, 1.5), "/grasps/robustness row 2 is 1.5 in")
 damage(edited("/grasps/load_margin", 2, -0.5), "/grasps/load_margin row 2 is -0.5, want at least 0")
 damage(edited("/grasps/load_margin", 2, -np.inf), "/grasps/load_margin is -inf at element 2")
 damage(edited("/grasps/contact_begin", 0, 1), "/grasps/contact_begin starts with 1, want 0")

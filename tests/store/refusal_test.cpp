@@ -135,6 +135,16 @@ TEST(OlderSet, WithoutCountOfTrialsByReference) {
   EXPECT_EQ(readSummary(path).trialsByReference, syntheticSet().trialCount());
 }
 
+// Sets from before the attribute say nothing of the method's version.
+TEST(OlderSet, WithoutMethodVersion) {
+  std::string image = goodBytes().substr(kBlockBytes);
+  image.replace(image.find("method_version"), 14, "somebodys_note");
+  const TestFolder folder;
+  const fs::path path = folder.path() / "v0001.h5";
+  writeBytes(path, sealed(image, {"mug", "three-finger", 1, syntheticSet().inputHash, 0, ""}));
+  EXPECT_EQ(readGraspSet(path).methodVersion, 0);
+}
+
 // Sets from before soft fingers have contacts that are points.
 TEST(OlderSet, WithoutTorsionRadius) {
   std::string image = goodBytes().substr(kBlockBytes);
@@ -155,7 +165,8 @@ TEST(OlderSet, WithoutLaterArrays) {
   const std::string code =
       "import h5py, sys; f = h5py.File(sys.argv[1], 'r+', locking=False); "
       "[f.__delitem__('grasps/' + n) for n in "
-      "('epsilon_lower', 'epsilon_upper', 'critical_friction', 'load_margin')]";
+      "('epsilon_lower', 'epsilon_upper', 'critical_friction', 'load_margin', 'robustness', 'robustness_lower', "
+      "'robustness_upper')]";
   ASSERT_EQ(std::system(("/usr/bin/python3 -c \"" + code + "\" " + path.string()).c_str()), 0);
   writeBytes(path,
              sealed(bytesOf(path).substr(kBlockBytes), {"mug", "three-finger", 1, syntheticSet().inputHash, 0, ""}));
@@ -164,6 +175,8 @@ TEST(OlderSet, WithoutLaterArrays) {
   EXPECT_TRUE(std::isnan(set.epsilonLower[0]));
   EXPECT_TRUE(std::isnan(set.epsilonUpper[0]));
   EXPECT_TRUE(std::isnan(set.criticalFriction[0]));
+  ASSERT_EQ(set.robustness.size(), set.graspCount());
+  EXPECT_TRUE(std::isnan(set.robustness[0]));
   ASSERT_EQ(set.loadMargin.size(), set.graspCount());
   EXPECT_TRUE(std::isnan(set.loadMargin[0]));
   const GraspSetSummary summary = readSummary(path);
@@ -225,6 +238,11 @@ TEST(Refusal, WriterChecksTheSet) {
       {"/grasps/epsilon_lower row 2 is 9, want at most epsilon_upper", [](GraspSet& s) { s.epsilonLower[2] = 9; }},
       {"/grasps/critical_friction is inf at element 2",
        [](GraspSet& s) { s.criticalFriction[2] = std::numeric_limits<float>::infinity(); }},
+      {"/@robustness_trials is -1, want >= 0", [](GraspSet& s) { s.robustnessTrials = -1; }},
+      {"/@robustness_position is -1, want >= 0", [](GraspSet& s) { s.robustnessPosition = -1; }},
+      {"/@robustness_rotation is -1, want >= 0", [](GraspSet& s) { s.robustnessRotation = -1; }},
+      {"/grasps/robustness row 0 is 0.5 in [0.4, 1.5], want an interval within [0, 1] around it",
+       [](GraspSet& s) { s.robustnessUpper[0] = 1.5F; }},
       {"/grasps/load_margin row 0 is -1, want at least 0", [](GraspSet& s) { s.loadMargin[0] = -1; }},
       {"/grasps/contact_begin row 2 is 0 after 2", [](GraspSet& s) { s.contactBegin[2] = 0; }},
       {"/grasps/contact_begin starts with 1", [](GraspSet& s) { s.contactBegin[0] = 1; }},

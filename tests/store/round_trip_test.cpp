@@ -29,6 +29,8 @@ TEST(RoundTrip, KeepsEveryField) {
   EXPECT_TRUE(std::isnan(copy.criticalFriction.back()));
   EXPECT_EQ(copy.loadMargin[1], std::numeric_limits<float>::infinity());
   EXPECT_TRUE(std::isnan(copy.loadMargin.back()));
+  EXPECT_EQ(copy.robustness[1], 0.52F);
+  EXPECT_TRUE(std::isnan(copy.robustnessUpper.back()));
   EXPECT_EQ(copy.generator, set.generator);
   EXPECT_EQ(copy.seconds, set.seconds);
   EXPECT_EQ(copy.host, set.host);
@@ -95,6 +97,10 @@ TEST(RoundTrip, SummaryCountsOutcomes) {
   EXPECT_EQ(summary.bestLoadMargin, set.loadMargin.front());
   EXPECT_EQ(summary.largestLoadMargin, std::numeric_limits<float>::infinity());
   EXPECT_EQ(summary.loadMargins, 8u);
+  EXPECT_EQ(summary.robustnessTrials, 100);
+  EXPECT_EQ(summary.bestRobustness, 0.5F);
+  EXPECT_EQ(summary.bestRobustnessLower, 0.4F);
+  EXPECT_EQ(summary.bestRobustnessUpper, 0.6F);
   EXPECT_TRUE(summary.watertight);
   EXPECT_EQ(summary.objectNotes, set.objectNotes);
   EXPECT_EQ(summary.seconds, set.seconds);
@@ -170,6 +176,10 @@ TEST(FirstDifference, NamesTheField) {
   const Change changes[] = {
       {"/@friction", [](GraspSet& s) { s.friction = 0.5; }},
       {"/@torsion_radius", [](GraspSet& s) { s.torsionRadius = 0; }},
+      {"/@robustness_trials", [](GraspSet& s) { ++s.robustnessTrials; }},
+      {"/@robustness_position", [](GraspSet& s) { s.robustnessPosition = 0; }},
+      {"/@robustness_rotation", [](GraspSet& s) { s.robustnessRotation = 0; }},
+      {"/grasps/robustness", [](GraspSet& s) { s.robustness[0] = 0.55F; }},
       {"/@job", [](GraspSet& s) { s.job += " "; }},
       {"/@seed", [](GraspSet& s) { ++s.seed; }},
       {"/object/vertices", [](GraspSet& s) { s.objectMesh.vertices[0].x() = 1; }},

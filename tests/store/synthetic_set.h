@@ -108,6 +108,10 @@ inline void addSyntheticGrasps(GraspSet& set, std::size_t n, SyntheticNumbers& n
     // Known for the better half only; the second has no limit.
     const double margin = row == 1 ? std::numeric_limits<double>::infinity() : 3 + 0.5 * static_cast<double>(row);
     set.loadMargin.push_back(static_cast<float>(row < n / 2 ? margin : unknown));
+    const double robustness = row < n / 3 ? 0.5 + 0.02 * static_cast<double>(row % 20) : unknown;
+    set.robustness.push_back(static_cast<float>(robustness));
+    set.robustnessLower.push_back(static_cast<float>(robustness - 0.1));
+    set.robustnessUpper.push_back(static_cast<float>(robustness + 0.1));
     set.criticalFriction.push_back(static_cast<float>(row + 1 < n ? 0.1 + 0.01 * static_cast<double>(row) : unknown));
   }
   numbers.fill(set.targetPoint, 3 * n);
@@ -128,11 +132,15 @@ inline GraspSet syntheticSet(const SyntheticSizes& sizes = {}, std::uint64_t see
   set.hand = "three-finger";
   set.inputHash = "00112233445566778899aabbccddeeff";
   set.generator = "handhold test";
+  set.methodVersion = 3;
   set.job = "seed: 1  # \xc3\xa9\n";
   set.policy = "surface_normal";
   set.friction = 0.4;
   set.torqueScale = 0.06;
   set.torsionRadius = 0.004;
+  set.robustnessTrials = 100;
+  set.robustnessPosition = 0.003;
+  set.robustnessRotation = 0.05;
   set.pitch = 0.004;
   set.mapPitch = 0.002;
   set.coneEdges = 8;
