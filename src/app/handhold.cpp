@@ -3,6 +3,7 @@
 #include "core/error.h"
 #include "core/log.h"
 
+#include <csignal>
 #include <cstdlib>
 #include <limits>
 #include <map>
@@ -231,6 +232,7 @@ int runProgram(int argc, char** argv) {
 }  // namespace handhold
 
 int main(int argc, char** argv) {
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may grow no further is a failed write, told as a full disk is
   try {
     return handhold::runProgram(argc, argv);
   } catch (const handhold::InputError& error) {

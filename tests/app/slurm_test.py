@@ -10,8 +10,7 @@ import tempfile
 import time
 import unittest
 
-import h5py
-import numpy
+from compare_sets import differences
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 HANDHOLD = pathlib.Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else SOURCE / "build/release/bin/handhold"
@@ -39,34 +38,6 @@ def task_fields(job):
     """What scontrol knows of a job or of every task of an array: a dict each."""
     return [dict(word.split("=", 1) for word in line.split() if "=" in word)
             for line in output("scontrol", "--oneliner", "show", "job", job).splitlines()]
-
-
-def differences(one, other):
-    """Datasets and attributes in which two sets differ, those about their making aside."""
-    found = []
-
-    def items(file):
-        names = []
-        file.visititems(lambda name, item: names.append(name) if not name.startswith("timings") else None)
-        return names
-
-    def same(a, b):
-        a, b = numpy.asarray(a), numpy.asarray(b)
-        return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes() if a.dtype != object else (
-            a.tolist() == b.tolist())
-
-    with h5py.File(one) as a, h5py.File(other) as b:
-        if items(a) != items(b):
-            return [f"{one} and {other} do not have the same datasets"]
-        for name in ["/", *items(a)]:
-            if isinstance(a[name], h5py.Dataset) and not same(a[name][()], b[name][()]):
-                found.append(name)
-            if set(a[name].attrs) != set(b[name].attrs):
-                found.append(f"{name}@")
-                continue
-            found += [f"{name}@{key}" for key in a[name].attrs
-                      if key not in ("created", "host") and not same(a[name].attrs[key], b[name].attrs[key])]
-    return found
 
 
 def is_in(link, folder):

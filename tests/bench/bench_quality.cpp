@@ -33,6 +33,7 @@ namespace {
 using bench::ClpMargin;
 using bench::cpuModel;
 using bench::graspLikeContacts;
+using bench::kManyEdges;
 using bench::microsecondsNow;
 using bench::quantile;
 using bench::timed;
@@ -42,7 +43,6 @@ using nlohmann::ordered_json;
 
 constexpr int kConeEdges = 8;
 constexpr double kFriction = 0.5;
-constexpr int kManyEdges = 64;
 constexpr double kLpMargin = 1e-10;  // a weight of the balance; the LP solvers stop at 1e-9 and a closed set has more
 
 struct Family {
@@ -266,16 +266,23 @@ ordered_json countsJson(const VerdictCounts& counts) {
           {"least_inradius", counts.leastInradius}};
 }
 
-ordered_json checkVerdicts(const Sizes& sizes, const std::string& database) {
-  ordered_json verdicts = {{"random", countsJson(bench::checkRandomVerdicts(sizes.randomVerdicts))}};
+/// Adds what is found of verdicts, and of stored bounds, to the report.
+void addChecks(const Sizes& sizes, const std::string& database, ordered_json& report) {
+  ordered_json& verdicts = report["verdicts"];
+  verdicts = {{"random", countsJson(bench::checkRandomVerdicts(sizes.randomVerdicts))}};
   if (database.empty()) {
     verdicts["stored"] = nullptr;
-    return verdicts;
+    return;
   }
   const bench::StoredVerdicts stored = bench::checkStoredVerdicts(database, sizes.storedGrasps);
   verdicts["stored"] = countsJson(stored.whole);
   verdicts["stored_without_one_link"] = countsJson(stored.withoutOneLink);
-  return verdicts;
+  const bench::BoundCounts bounds = bench::checkStoredBounds(database, sizes.storedGrasps);
+  report["stored_bounds"] = {{"sets", bounds.sets},
+                             {"unknown", bounds.unknown},
+                             {"out_of_bracket", bounds.outOfBracket},
+                             {"critical_frictions", bounds.frictions},
+                             {"not_confirmed", bounds.notConfirmed}};
 }
 
 std::string cell(const ordered_json& timing) {
@@ -334,6 +341,15 @@ void printTrueCone(const ordered_json& report) {
   }
 }
 
+void printStoredBounds(const ordered_json& bounds) {
+  const auto count = [&](const char* key) { return bounds[key].get<long>(); };
+  fmt::print(
+      "\nstored bounds of {} grasps ({} others have none): {} out of the bracket of {} inscribed and circumscribed "
+      "edges\nby more than the bounds' own gap; {} of {} critical frictions not confirmed 1 % above and below\n",
+      count("sets"), count("unknown"), count("out_of_bracket"), kManyEdges, count("not_confirmed"),
+      count("critical_frictions"));
+}
+
 void printVerdicts(const ordered_json& verdicts) {
   fmt::print(
       "\nverdicts. Wrong: its proof does not hold (closed: strictly; not closed: within {:.2g} R). CLP does not "
@@ -375,13 +391,14 @@ int run(int argc, char** argv) {
   for (const Family& family : kFamilies) {
     for (const int nContacts : {4, 8, 16, 32}) report["results"].push_back(benchOne(family, nContacts, sizes));
   }
-  report["verdicts"] = checkVerdicts(sizes, database);
+  addChecks(sizes, database, report);
   if (asJson) {
     fmt::print("{}\n", report.dump(2));
   } else {
     printTable(report);
     printTrueCone(report);
     printVerdicts(report["verdicts"]);
+    if (report.contains("stored_bounds")) printStoredBounds(report["stored_bounds"]);
   }
   return 0;
 }

@@ -3,10 +3,12 @@
 #include "bench/clp_margin.h"
 #include "bench/grasp_like_contacts.h"
 #include "quality/references.h"
+#include "quality/true_cone.h"
 #include "store/database.h"
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include <Eigen/LU>
 
@@ -127,31 +129,82 @@ VerdictCounts checkRandomVerdicts(int nSets) {
   return counts;
 }
 
-StoredVerdicts checkStoredVerdicts(const std::filesystem::path& database, int nGrasps) {
-  StoredVerdicts verdicts;
-  Checker checker;
+namespace {
+
+std::vector<Contact> contactsOf(const GraspSet& set, std::size_t grasp) {
+  std::vector<Contact> contacts;
+  for (std::size_t c = set.contactBegin[grasp]; c < set.contactBegin[grasp + 1]; ++c) {
+    const auto at = [&](const std::vector<float>& v) { return Eigen::Vector3d(v[3 * c], v[3 * c + 1], v[3 * c + 2]); };
+    contacts.push_back({at(set.contactPosition), at(set.contactNormal), set.contactLink[c]});
+  }
+  return contacts;
+}
+
+/// visit(set, grasp) for up to `nGrasps` grasps, as many of each set as can be, spread over its ranks.
+template <class Visit>
+void forEachStoredGrasp(const std::filesystem::path& database, int nGrasps, const Visit& visit) {
+  std::size_t missing = static_cast<std::size_t>(nGrasps);
   const std::vector<std::filesystem::path> files = Database(database).files();
   for (std::size_t f = 0; f < files.size(); ++f) {
     const GraspSet set = readGraspSet(files[f]);
-    const WrenchModel model{set.centerOfMass, set.torqueScale, set.friction, set.coneEdges, set.torsionRadius};
-    const std::size_t missing = nGrasps - verdicts.whole.sets, setsLeft = files.size() - f;
+    const std::size_t setsLeft = files.size() - f;
     const std::size_t n = std::min(set.graspCount(), (missing + setsLeft - 1) / setsLeft);
-    for (std::size_t i = 0; i < n; ++i) {
-      const std::size_t grasp = i * set.graspCount() / n;
-      std::vector<Contact> contacts;
-      for (std::size_t c = set.contactBegin[grasp]; c < set.contactBegin[grasp + 1]; ++c) {
-        const auto at = [&](const std::vector<float>& v) {
-          return Eigen::Vector3d(v[3 * c], v[3 * c + 1], v[3 * c + 2]);
-        };
-        contacts.push_back({at(set.contactPosition), at(set.contactNormal), set.contactLink[c]});
-      }
-      checker.check(frictionConeWrenches(contacts, model), verdicts.whole);
-      const std::uint16_t link = contacts[i % contacts.size()].link;
-      std::erase_if(contacts, [&](const Contact& contact) { return contact.link == link; });
-      checker.check(frictionConeWrenches(contacts, model), verdicts.withoutOneLink);
-    }
+    for (std::size_t i = 0; i < n; ++i) visit(set, i * set.graspCount() / n);
+    missing -= n;
   }
+}
+
+/// Epsilon on the cone of many edges; 0 when not closed.
+double manyEdgeEpsilon(const std::vector<Contact>& contacts, const WrenchModel& model) {
+  const WrenchMatrix w = frictionConeWrenches(contacts, model);
+  const ForceClosureResult closure = testForceClosure(w);
+  return closure.verdict == ForceClosure::closed ? epsilonMetric(w, closure) : 0;
+}
+
+}  // namespace
+
+StoredVerdicts checkStoredVerdicts(const std::filesystem::path& database, int nGrasps) {
+  StoredVerdicts verdicts;
+  Checker checker;
+  forEachStoredGrasp(database, nGrasps, [&](const GraspSet& set, std::size_t grasp) {
+    const WrenchModel model{set.centerOfMass, set.torqueScale, set.friction, set.coneEdges, set.torsionRadius};
+    std::vector<Contact> contacts = contactsOf(set, grasp);
+    checker.check(frictionConeWrenches(contacts, model), verdicts.whole);
+    const std::uint16_t link = contacts[grasp % contacts.size()].link;
+    std::erase_if(contacts, [&](const Contact& contact) { return contact.link == link; });
+    checker.check(frictionConeWrenches(contacts, model), verdicts.withoutOneLink);
+  });
   return verdicts;
+}
+
+BoundCounts checkStoredBounds(const std::filesystem::path& database, int nGrasps) {
+  constexpr double kRounding = 4 * kEpsilonTolerance;
+  const double circumscribed = 1 / std::cos(std::numbers::pi / kManyEdges);
+  BoundCounts counts;
+  forEachStoredGrasp(database, nGrasps, [&](const GraspSet& set, std::size_t grasp) {
+    if (set.torsionRadius > 0) return;
+    const std::vector<Contact> contacts = contactsOf(set, grasp);
+    const auto model = [&](double friction) {
+      return WrenchModel{set.centerOfMass, set.torqueScale, friction, kManyEdges};
+    };
+    const double lower = set.epsilonLower[grasp], upper = set.epsilonUpper[grasp];
+    if (std::isnan(lower)) {
+      ++counts.unknown;
+    } else {
+      const double slack = kBoundsGap * upper + kRounding;
+      ++counts.sets;
+      counts.outOfBracket += !(lower >= manyEdgeEpsilon(contacts, model(set.friction)) - slack) ||
+                             !(upper <= manyEdgeEpsilon(contacts, model(circumscribed * set.friction)) + slack);
+    }
+    const double critical = set.criticalFriction[grasp];
+    if (!(critical > kLeastFriction)) return;
+    const auto isClosed = [&](double friction) {
+      return testForceClosure(frictionConeWrenches(contacts, model(friction))).verdict == ForceClosure::closed;
+    };
+    ++counts.frictions;
+    counts.notConfirmed += !isClosed(1.01 * critical) || isClosed(0.99 * critical * circumscribed);
+  });
+  return counts;
 }
 
 }  // namespace handhold::bench

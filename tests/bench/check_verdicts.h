@@ -34,4 +34,20 @@ struct StoredVerdicts {
 };
 StoredVerdicts checkStoredVerdicts(const std::filesystem::path& database, int nGrasps);
 
+/// Edges of the cones that bounds and critical friction are held against: inscribed in the true one, and circumscribed
+/// about it, which is the inscribed one of a friction larger by 1 / cos(pi / kManyEdges).
+inline constexpr int kManyEdges = 64;
+
+struct BoundCounts {
+  long sets = 0;     // whose bounds are known
+  long unknown = 0;  // others
+  long outOfBracket =
+      0;  // lower below the inscribed epsilon, or upper above the circumscribed one, by more than their gap
+  long frictions = 0;     // critical ones above kLeastFriction
+  long notConfirmed = 0;  // not closed on the inscribed cone 1 % above, or closed on the circumscribed one 1 % below
+};
+
+/// The stored bounds and critical frictions of up to `nGrasps` grasps of all sets with contacts that are points.
+BoundCounts checkStoredBounds(const std::filesystem::path& database, int nGrasps);
+
 }  // namespace handhold::bench

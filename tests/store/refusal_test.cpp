@@ -135,23 +135,25 @@ TEST(OlderSet, WithoutCountOfTrialsByReference) {
   EXPECT_EQ(readSummary(path).trialsByReference, syntheticSet().trialCount());
 }
 
-// Sets from before the attribute say nothing of the method's version.
-TEST(OlderSet, WithoutMethodVersion) {
+/// The file of a set whose attribute is called otherwise, by as many letters.
+fs::path writeWithout(const TestFolder& folder, const std::string& attribute, const std::string& other) {
   std::string image = goodBytes().substr(kBlockBytes);
-  image.replace(image.find("method_version"), 14, "somebodys_note");
-  const TestFolder folder;
+  image.replace(image.find(attribute), attribute.size(), other);
   const fs::path path = folder.path() / "v0001.h5";
   writeBytes(path, sealed(image, {"mug", "three-finger", 1, syntheticSet().inputHash, 0, ""}));
-  EXPECT_EQ(readGraspSet(path).methodVersion, 0);
+  return path;
+}
+
+// Sets from before the attribute say nothing of the method's version.
+TEST(OlderSet, WithoutMethodVersion) {
+  const TestFolder folder;
+  EXPECT_EQ(readGraspSet(writeWithout(folder, "method_version", "somebodys_note")).methodVersion, 0);
 }
 
 // Sets from before soft fingers have contacts that are points.
 TEST(OlderSet, WithoutTorsionRadius) {
-  std::string image = goodBytes().substr(kBlockBytes);
-  image.replace(image.find("torsion_radius"), 14, "torsion_nobody");
   const TestFolder folder;
-  const fs::path path = folder.path() / "v0001.h5";
-  writeBytes(path, sealed(image, {"mug", "three-finger", 1, syntheticSet().inputHash, 0, ""}));
+  const fs::path path = writeWithout(folder, "torsion_radius", "torsion_nobody");
   EXPECT_EQ(readGraspSet(path).torsionRadius, 0);
   EXPECT_EQ(readSummary(path).torsionRadius, 0);
 }
