@@ -110,12 +110,12 @@ class Storm(unittest.TestCase):
         print(f"{kills} kills, {resumed} runs took over chunks")
 
     def test_flipped_bits(self):
-        for _ in range(20):  # until a build leaves chunks behind
-            self.kill_after_a_while("flipped")
-            chunks = [path for path in (self.folder / "flipped").glob("*/*/.chunks-*/*") if not path.name.startswith(".")]
-            if chunks:
-                break
-        self.assertTrue(chunks)
+        build = self.start("flipped")
+        while not (chunks := self.chunks("flipped")):
+            self.assertIsNone(build.poll(), "ended before it left a chunk")
+            time.sleep(0.002)
+        os.killpg(build.pid, signal.SIGKILL)
+        build.communicate()
         for chunk in chunks:
             self.flip_a_bit(chunk)
         self.assertEqual(self.build("flipped").returncode, 0)
@@ -129,6 +129,9 @@ class Storm(unittest.TestCase):
         damaged.unlink()
         self.assertEqual(self.build("flipped").returncode, 0)
         self.assert_equals_the_undisturbed("flipped")
+
+    def chunks(self, database):
+        return [path for path in (self.folder / database).glob("*/*/.chunks-*/*") if not path.name.startswith(".")]
 
     def flip_a_bit(self, path):
         data = bytearray(path.read_bytes())
