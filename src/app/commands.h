@@ -71,9 +71,6 @@ int printPlan(const BuildCommand& command, const Job& job, const std::vector<Han
 /// SIGINT and SIGTERM make the flag true, once; the next one ends the program.
 const std::atomic<bool>& stopOnSignals();
 
-/// @throws InputError  the database is no folder
-void requireDatabase(const Database& database);
-
 /// The table that `build` and `list` print: a row a set.
 std::string summaryTable(const std::vector<GraspSetSummary>& summaries);
 

@@ -5,7 +5,6 @@
 namespace handhold {
 
 int runPrune(const PruneOptions& options, const Database& database) {
-  requireDatabase(database);
   const PruneReport report = pruneDatabase(database, options);
   std::size_t bytes = 0;
   for (const PruneReport::File& file : report.removed) {

@@ -183,12 +183,6 @@ std::string summaryTable(const std::vector<GraspSetSummary>& summaries) {
   return table;
 }
 
-void requireDatabase(const Database& database) {
-  if (fs::is_directory(database.folder())) return;
-  throw InputError(
-      fmt::format("{}: is no folder, want a database (--db DIR or HANDHOLD_DB)", database.folder().string()));
-}
-
 int runList(const Database& database, bool asJson) {
   std::vector<std::string> failures;
   const std::vector<GraspSetSummary> summaries = database.summaries(failures);

@@ -1,7 +1,6 @@
 #include "app/commands.h"
 #include "build/verify_set.h"
 #include "core/error.h"
-#include "core/file.h"
 #include "core/log.h"
 
 #include <fmt/format.h>
@@ -49,19 +48,12 @@ void printReport(const fs::path& path, const VerifyReport& report, std::size_t s
 }  // namespace
 
 int runVerify(const VerifyCommand& command, const Database& database) {
-  requireDatabase(database);
   const std::atomic<bool>& stop = stopOnSignals();
   SetVerifier verifier;
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   std::size_t counts[4] = {}, stopped = 0, all = 0;
-  for (const fs::path& path : database.files()) {
-    const fs::path folder = path.parent_path();
-    const bool isVersion = command.setVersion == 0 || path == database.setPath(folder.parent_path().filename(),
-                                                                               folder.filename(), command.setVersion);
-    if (!isVersion || !matchesGlob(folder.parent_path().filename().string(), command.objectGlob) ||
-        !matchesGlob(folder.filename().string(), command.handGlob)) {
-      continue;
-    }
+  for (const auto& [path, object, hand, version] : database.sets(command.objectGlob, command.handGlob)) {
+    if (command.setVersion != 0 && path != database.setPath(object, hand, command.setVersion)) continue;
     ++all;
     const auto report = stop ? std::nullopt : verifier.verify(path, command.sample, stop);
     if (!report) {

@@ -80,12 +80,13 @@ class Pruner {
 PruneReport pruneDatabase(const Database& database, const PruneOptions& options) {
   PruneReport report;
   Pruner pruner(options, report);
-  const std::vector<fs::path> files = database.files();  // by set, versions rising
+  std::vector<fs::path> files;  // by set, versions rising
+  for (SetFile& file : database.sets(options.objectGlob, options.handGlob)) files.push_back(std::move(file.path));
   for (auto begin = files.begin(); begin != files.end();) {
     const fs::path folder = begin->parent_path();
     const auto end =
         std::find_if(begin, files.end(), [&](const fs::path& path) { return path.parent_path() != folder; });
-    if (pruner.selects(folder)) pruner.pruneSet({begin, end});
+    pruner.pruneSet({begin, end});
     begin = end;
   }
   pruner.removeTemporaries(database.folder());

@@ -26,6 +26,7 @@ struct PruneReport {
 /// Removes all but the newest `keep` versions of each set with their physics files, and temporary files of builders
 /// that are gone. The newest version stays always, so that numbers are never used twice. Whoever has a removed file
 /// open reads it to its end. A file whose first bytes or length are not those of a set is left alone.
+/// @throws InputError   the folder of the database is none
 /// @throws SystemError  a file cannot be removed; those before it are gone
 PruneReport pruneDatabase(const Database& database, const PruneOptions& options);
 
