@@ -11,7 +11,7 @@ namespace {
 std::string text(const Eigen::Vector3d& v) { return fmt::format("({:.5f}, {:.5f}, {:.5f})", v.x(), v.y(), v.z()); }
 
 void printStop(const Hand& hand, const ClosingStop& stop) {
-  const HandJoint& joint = hand.joints[stop.joint];
+  const Joint& joint = hand.joints[stop.joint];
   std::string links;
   for (const int link : stop.links) links += (links.empty() ? "" : ", ") + hand.links[link].name;
   fmt::print("  {} {} at {:.5f} {}\n", joint.name, links.empty() ? "reaches its limit" : "is stopped by " + links,

@@ -15,7 +15,7 @@ std::string text(const Eigen::Vector3d& v) { return fmt::format("({:.4f}, {:.4f}
 
 void printJoints(const Hand& hand) {
   fmt::print("joints:\n");
-  for (const HandJoint& joint : hand.joints) {
+  for (const Joint& joint : hand.joints) {
     const char* unit = joint.type == JointType::revolute ? "rad" : "m";
     fmt::print("  {:<28} {:<9} {:8.4f} .. {:8.4f} {:<3}", joint.name,
                joint.type == JointType::revolute ? "revolute" : "prismatic", joint.lower, joint.upper, unit);
@@ -30,7 +30,7 @@ void printJoints(const Hand& hand) {
 
 void printLinks(const Hand& hand) {
   std::size_t triangles = 0, solid = 0;
-  for (const HandLink& link : hand.links) {
+  for (const Link& link : hand.links) {
     triangles += link.mesh.triangles.size();
     solid += link.mesh.triangles.empty() ? 0 : 1;
   }

@@ -46,8 +46,8 @@ void setObject(const SampledObject& object, GraspSet& set) {
 
 void setHand(const Hand& hand, GraspSet& set) {
   set.hand = hand.name;
-  for (const HandJoint& joint : hand.joints) set.jointNames.push_back(joint.name);
-  for (const HandLink& link : hand.links) {
+  for (const Joint& joint : hand.joints) set.jointNames.push_back(joint.name);
+  for (const Link& link : hand.links) {
     set.linkNames.push_back(link.name);
     set.linkMeshes.push_back(link.mesh);
   }

@@ -25,7 +25,7 @@ int linkIndex(const Hand& hand, const YamlValue& value) {
     if (hand.links[i].name == name) return static_cast<int>(i);
   }
   std::vector<std::string> names;
-  for (const HandLink& link : hand.links) names.push_back(link.name);
+  for (const Link& link : hand.links) names.push_back(link.name);
   value.refuse(fmt::format("a link of the hand: {}", fmt::join(names, ", ")));
 }
 
@@ -69,7 +69,7 @@ Preshape readPreshape(const YamlValue& entry, const Hand& hand) {
   }
   preshape.jointPosition = followMimics(hand, q);
   for (std::size_t i = 0; i < hand.joints.size(); ++i) {
-    const HandJoint& joint = hand.joints[i];
+    const Joint& joint = hand.joints[i];
     const double position = preshape.jointPosition[i];
     if (position >= joint.lower - kLimitSlack && position <= joint.upper + kLimitSlack) continue;
     entry.fail(fmt::format("{} {} at {}, want it within {} .. {}",
@@ -94,7 +94,7 @@ ClosingJoint readClosing(const YamlValue& entry, const Hand& hand) {
   entry.allowKeys({"joint", "direction", "breakaway", "self_centering"});
   ClosingJoint closing;
   closing.joint = jointIndex(hand, entry.require("joint").text(), entry.require("joint"));
-  const HandJoint& joint = hand.joints[closing.joint];
+  const Joint& joint = hand.joints[closing.joint];
   if (joint.mimicOf >= 0) {
     entry.require("joint").fail(fmt::format("\"{}\" is a mimic joint, want the joint that it follows: {}", joint.name,
                                             hand.joints[joint.mimicOf].name));
@@ -127,7 +127,7 @@ void readContactLinks(const YamlValue& value, Hand& hand) {
     if (value.text() != "all") value.refuse("all, or a list of links");
     return;
   }
-  for (HandLink& link : hand.links) link.contactAllowed = false;
+  for (Link& link : hand.links) link.contactAllowed = false;
   for (const YamlValue& item : value.items()) hand.links[linkIndex(hand, item)].contactAllowed = true;
 }
 
@@ -160,7 +160,7 @@ void readPreshapes(const YamlValue& list, Hand& hand) {
 }
 
 void requireGeometry(const Hand& hand, const YamlValue& top) {
-  for (const HandLink& link : hand.links) {
+  for (const Link& link : hand.links) {
     if (!link.mesh.triangles.empty() && link.contactAllowed) return;
   }
   top.fail("describes a hand without any geometry that may touch");
@@ -260,7 +260,7 @@ std::string initialHandConfig(const std::string& urdfPath, const PackagePaths& p
   Hand hand;
   readUrdf(urdfPath, "", {}, packages, hand);
   std::string joints, closing;
-  for (const HandJoint& joint : hand.joints) {
+  for (const Joint& joint : hand.joints) {
     if (joint.mimicOf >= 0) continue;
     const double rest = std::clamp(0.0, joint.lower, joint.upper);
     joints += fmt::format("{}{}: {}", joints.empty() ? "" : ", ", joint.name, rest);

@@ -1,35 +1,36 @@
-#include "hand/hand.h"
+#include "hand/mechanism.h"
 
 namespace handhold {
 
-Eigen::VectorXd followMimics(const Hand& hand, Eigen::VectorXd jointPosition) {
+Eigen::VectorXd followMimics(const Mechanism& mechanism, Eigen::VectorXd jointPosition) {
   // A master may itself be a mimic and stand later in the tree: walk each chain to its independent joint.
-  for (std::size_t i = 0; i < hand.joints.size(); ++i) {
+  for (std::size_t i = 0; i < mechanism.joints.size(); ++i) {
     double multiplier = 1, offset = 0;
     int joint = static_cast<int>(i);
-    while (hand.joints[joint].mimicOf >= 0) {
-      offset += multiplier * hand.joints[joint].mimicOffset;
-      multiplier *= hand.joints[joint].mimicMultiplier;
-      joint = hand.joints[joint].mimicOf;
+    while (mechanism.joints[joint].mimicOf >= 0) {
+      offset += multiplier * mechanism.joints[joint].mimicOffset;
+      multiplier *= mechanism.joints[joint].mimicMultiplier;
+      joint = mechanism.joints[joint].mimicOf;
     }
     if (joint != static_cast<int>(i)) jointPosition[i] = multiplier * jointPosition[joint] + offset;
   }
   return jointPosition;
 }
 
-std::vector<Eigen::Isometry3d> forwardKinematics(const Hand& hand, const Eigen::VectorXd& jointPosition) {
+std::vector<Eigen::Isometry3d> forwardKinematics(const Mechanism& mechanism, const Eigen::VectorXd& jointPosition) {
   std::vector<Eigen::Isometry3d> X_HL;
-  forwardKinematics(hand, jointPosition, X_HL);
+  forwardKinematics(mechanism, jointPosition, X_HL);
   return X_HL;
 }
 
-void forwardKinematics(const Hand& hand, const Eigen::VectorXd& jointPosition, std::vector<Eigen::Isometry3d>& X_HL) {
-  X_HL.assign(hand.links.size(), Eigen::Isometry3d::Identity());
-  for (std::size_t i = 1; i < hand.links.size(); ++i) {
-    const HandLink& link = hand.links[i];
+void forwardKinematics(const Mechanism& mechanism, const Eigen::VectorXd& jointPosition,
+                       std::vector<Eigen::Isometry3d>& X_HL) {
+  X_HL.assign(mechanism.links.size(), Eigen::Isometry3d::Identity());
+  for (std::size_t i = 1; i < mechanism.links.size(); ++i) {
+    const Link& link = mechanism.links[i];
     Eigen::Isometry3d X_PL = link.X_PL;
     if (link.joint >= 0) {
-      const HandJoint& joint = hand.joints[link.joint];
+      const Joint& joint = mechanism.joints[link.joint];
       const double q = jointPosition[link.joint];
       X_PL = joint.X_PJ;
       if (joint.type == JointType::revolute) {
@@ -42,25 +43,25 @@ void forwardKinematics(const Hand& hand, const Eigen::VectorXd& jointPosition, s
   }
 }
 
-std::vector<int> followersOf(const Hand& hand, int joint) {
+std::vector<int> followersOf(const Mechanism& mechanism, int joint) {
   std::vector<int> result;
-  for (std::size_t i = 0; i < hand.joints.size(); ++i) {
-    int master = hand.joints[i].mimicOf;
-    while (master >= 0 && master != joint) master = hand.joints[master].mimicOf;
+  for (std::size_t i = 0; i < mechanism.joints.size(); ++i) {
+    int master = mechanism.joints[i].mimicOf;
+    while (master >= 0 && master != joint) master = mechanism.joints[master].mimicOf;
     if (master == joint) result.push_back(static_cast<int>(i));
   }
   return result;
 }
 
-std::vector<bool> linksMovedBy(const Hand& hand, int joint, bool withFollowers) {
-  std::vector<bool> moves(hand.links.size(), false);
-  std::vector<bool> isMover(hand.joints.size(), false);
+std::vector<bool> linksMovedBy(const Mechanism& mechanism, int joint, bool withFollowers) {
+  std::vector<bool> moves(mechanism.links.size(), false);
+  std::vector<bool> isMover(mechanism.joints.size(), false);
   isMover[joint] = true;
   if (withFollowers) {
-    for (const int follower : followersOf(hand, joint)) isMover[follower] = true;
+    for (const int follower : followersOf(mechanism, joint)) isMover[follower] = true;
   }
-  for (std::size_t i = 1; i < hand.links.size(); ++i) {
-    const HandLink& link = hand.links[i];
+  for (std::size_t i = 1; i < mechanism.links.size(); ++i) {
+    const Link& link = mechanism.links[i];
     moves[i] = moves[link.parentLink] || (link.joint >= 0 && isMover[link.joint]);
   }
   return moves;

@@ -3,9 +3,9 @@
 #include "core/error.h"
 #include "core/file.h"
 #include "core/hash.h"
-#include "hand/primitives.h"
 #include "hand/urdf_model.h"
 #include "mesh/object.h"
+#include "mesh/primitives.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -109,7 +109,7 @@ struct Reader {
   const std::vector<std::string>& ignoreLinks;
   const PackagePaths& packages;
   const std::map<std::string, TriangleMesh>* storedMeshes;  // null: geometry is read from the files that the URDF names
-  Hand& hand;
+  Mechanism& mechanism;
   ContentHash hash;
 
   [[noreturn]] void refuse(const std::string& message) const { throw InputError(path + ": " + message); }
@@ -142,7 +142,7 @@ struct Reader {
   }
 
   /// All pieces of a link as one mesh in the link frame, rounded as the database stores it.
-  void readFiles(const urdf::Link& source, HandLink& link) {
+  void readFiles(const urdf::Link& source, Link& link) {
     if (std::find(ignoreLinks.begin(), ignoreLinks.end(), source.name) != ignoreLinks.end()) return;
     std::vector<std::pair<urdf::GeometrySharedPtr, Eigen::Isometry3d>> pieces;
     for (const auto& collision : source.collision_array) {
@@ -153,7 +153,7 @@ struct Reader {
         if (visual && visual->geometry) pieces.emplace_back(visual->geometry, toPose(visual->origin));
       }
       if (!pieces.empty())
-        hand.notes.push_back(fmt::format("link {} has no <collision>: its <visual> is used", link.name));
+        mechanism.notes.push_back(fmt::format("link {} has no <collision>: its <visual> is used", link.name));
     }
     for (const auto& [geometry, X_LP] : pieces) {
       append(link.mesh, geometryMesh(*geometry, link.name), X_LP);
@@ -162,7 +162,7 @@ struct Reader {
   }
 
   /// Everything that follows from a link's geometry is taken from its mesh as it is stored.
-  void readGeometry(const urdf::Link& source, HandLink& link) {
+  void readGeometry(const urdf::Link& source, Link& link) {
     if (storedMeshes == nullptr) {
       readFiles(source, link);
     } else if (const auto stored = storedMeshes->find(source.name); stored != storedMeshes->end()) {
@@ -175,17 +175,19 @@ struct Reader {
     for (const auto& triangle : link.mesh.triangles) hash.addBytes(triangle.data(), sizeof triangle);
   }
 
-  void readLimits(const urdf::Joint& source, HandJoint& joint) const {
+  void readLimits(const urdf::Joint& source, Joint& joint) const {
     if (source.type == urdf::Joint::CONTINUOUS) {
       joint.lower = -std::numeric_limits<double>::infinity();
       joint.upper = std::numeric_limits<double>::infinity();
       if (source.limits) joint.effort = source.limits->effort;
+      if (source.limits) joint.velocity = source.limits->velocity;
       return;
     }
     if (!source.limits) refuse(fmt::format("joint {} has no <limit>, want lower and upper", source.name));
     joint.lower = source.limits->lower;
     joint.upper = source.limits->upper;
     joint.effort = source.limits->effort;
+    joint.velocity = source.limits->velocity;
     if (!(joint.lower <= joint.upper)) {
       refuse(fmt::format("joint {}: lower limit {} is above upper limit {}", source.name, joint.lower, joint.upper));
     }
@@ -199,7 +201,7 @@ struct Reader {
       refuse(fmt::format("joint {} is planar, floating or unknown, want fixed, revolute, continuous or prismatic",
                          source.name));
     }
-    HandJoint joint;
+    Joint joint;
     joint.name = source.name;
     joint.type = source.type == urdf::Joint::PRISMATIC ? JointType::prismatic : JointType::revolute;
     joint.parentLink = parentLink;
@@ -209,30 +211,30 @@ struct Reader {
     if (joint.axis.norm() < 1e-9) refuse(fmt::format("joint {}: axis is zero, want a direction", source.name));
     joint.axis.normalize();
     readLimits(source, joint);
-    hand.joints.push_back(joint);
-    return static_cast<int>(hand.joints.size()) - 1;
+    mechanism.joints.push_back(joint);
+    return static_cast<int>(mechanism.joints.size()) - 1;
   }
 
   /// Depth first, children in the URDF's (alphabetical) order: parents always come before their children.
   void addLink(const urdf::Link& source, int parentLink, const urdf::Joint* toParent) {
-    HandLink link;
+    Link link;
     link.name = source.name;
     link.parentLink = parentLink;
-    const int index = static_cast<int>(hand.links.size());
+    const int index = static_cast<int>(mechanism.links.size());
     if (toParent != nullptr) {
       link.X_PL = toPose(toParent->parent_to_joint_origin_transform);
       link.joint = addJoint(*toParent, parentLink, index);
     }
     readGeometry(source, link);
-    hand.links.push_back(std::move(link));
+    mechanism.links.push_back(std::move(link));
     for (const auto& child : source.child_links) addLink(*child, index, child->parent_joint.get());
   }
 
   /// A joint that mimics a mimic joint is made to follow the independent joint at the chain's end.
-  void shortenChain(HandJoint& joint) const {
-    for (std::size_t steps = 0; joint.mimicOf >= 0 && hand.joints[joint.mimicOf].mimicOf >= 0; ++steps) {
-      if (steps > hand.joints.size()) refuse(fmt::format("joint {} mimics itself through others", joint.name));
-      const HandJoint& master = hand.joints[joint.mimicOf];
+  void shortenChain(Joint& joint) const {
+    for (std::size_t steps = 0; joint.mimicOf >= 0 && mechanism.joints[joint.mimicOf].mimicOf >= 0; ++steps) {
+      if (steps > mechanism.joints.size()) refuse(fmt::format("joint {} mimics itself through others", joint.name));
+      const Joint& master = mechanism.joints[joint.mimicOf];
       joint.mimicOffset += joint.mimicMultiplier * master.mimicOffset;
       joint.mimicMultiplier *= master.mimicMultiplier;
       joint.mimicOf = master.mimicOf;
@@ -243,20 +245,21 @@ struct Reader {
   void connectMimics(const urdf::ModelInterface& model) {
     const auto indexOf = [&](const std::string& name) {
       const auto it =
-          std::find_if(hand.joints.begin(), hand.joints.end(), [&](const auto& j) { return j.name == name; });
-      return it == hand.joints.end() ? -1 : static_cast<int>(it - hand.joints.begin());
+          std::find_if(mechanism.joints.begin(), mechanism.joints.end(), [&](const auto& j) { return j.name == name; });
+      return it == mechanism.joints.end() ? -1 : static_cast<int>(it - mechanism.joints.begin());
     };
-    for (HandJoint& joint : hand.joints) {
+    for (Joint& joint : mechanism.joints) {
       const auto mimic = model.getJoint(joint.name)->mimic;
       if (!mimic) continue;
       joint.mimicOf = indexOf(mimic->joint_name);
       joint.mimicMultiplier = mimic->multiplier;
       joint.mimicOffset = mimic->offset;
       if (joint.mimicOf < 0) {
-        refuse(fmt::format("joint {} mimics {}, which is no moving joint of the hand", joint.name, mimic->joint_name));
+        refuse(fmt::format("joint {} mimics {}, which is no moving joint below the root link", joint.name,
+                           mimic->joint_name));
       }
     }
-    for (HandJoint& joint : hand.joints) shortenChain(joint);
+    for (Joint& joint : mechanism.joints) shortenChain(joint);
   }
 };
 
@@ -294,34 +297,35 @@ Eigen::Isometry3d toPose(const urdf::Pose& pose) {
 
 namespace {
 
-/// Fills `hand` with the links below `rootLink` of the URDF in hand.urdfText.
+/// Fills `mechanism` with the links below `rootLink` of the URDF in mechanism.urdfText.
 void readLinks(const std::string& path, const std::string& rootLink, const std::vector<std::string>& ignoreLinks,
-               const PackagePaths& packages, const std::map<std::string, TriangleMesh>* storedMeshes, Hand& hand) {
-  const auto model = parseUrdf(path, hand.urdfText);
+               const PackagePaths& packages, const std::map<std::string, TriangleMesh>* storedMeshes,
+               Mechanism& mechanism) {
+  const auto model = parseUrdf(path, mechanism.urdfText);
   const auto root = rootLink.empty() ? model->getRoot() : model->getLink(rootLink);
-  if (root == nullptr) throw InputError(fmt::format("{}: has no link {}, want the hand's root_link", path, rootLink));
+  if (root == nullptr) throw InputError(fmt::format("{}: has no link {}, want the link to begin at", path, rootLink));
   for (const std::string& name : ignoreLinks) {
     if (model->getLink(name) == nullptr) throw InputError(fmt::format("{}: has no link {} to ignore", path, name));
   }
-  Reader reader{path, ignoreLinks, packages, storedMeshes, hand, {}};
+  Reader reader{path, ignoreLinks, packages, storedMeshes, mechanism, {}};
   reader.addLink(*root, -1, nullptr);
   reader.connectMimics(*model);
-  hand.contentHash = reader.hash.hex();
+  mechanism.contentHash = reader.hash.hex();
 }
 
 }  // namespace
 
 void readUrdf(const std::string& path, const std::string& rootLink, const std::vector<std::string>& ignoreLinks,
-              const PackagePaths& packages, Hand& hand) {
-  hand.urdfText = readFile(path);
-  refuseXacro(path, hand.urdfText);
-  readLinks(path, rootLink, ignoreLinks, packages, nullptr, hand);
+              const PackagePaths& packages, Mechanism& mechanism) {
+  mechanism.urdfText = readFile(path);
+  refuseXacro(path, mechanism.urdfText);
+  readLinks(path, rootLink, ignoreLinks, packages, nullptr, mechanism);
 }
 
 void readStoredUrdf(const std::string& text, const std::string& rootLink,
-                    const std::map<std::string, TriangleMesh>& meshes, Hand& hand) {
-  hand.urdfText = text;
-  readLinks("the stored URDF", rootLink, {}, {}, &meshes, hand);
+                    const std::map<std::string, TriangleMesh>& meshes, Mechanism& mechanism) {
+  mechanism.urdfText = text;
+  readLinks("the stored URDF", rootLink, {}, {}, &meshes, mechanism);
 }
 
 }  // namespace handhold

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "hand/hand.h"
+#include "hand/mechanism.h"
 
 #include <map>
 #include <string>
@@ -8,14 +8,14 @@
 
 namespace handhold {
 
-/// Fills links and joints of `hand` with the subtree of the URDF below `rootLink` (the URDF's own root when empty).
+/// Fills `mechanism` with the subtree of the URDF below `rootLink` (the URDF's own root when empty).
 /// Geometry is each link's <collision>, or its <visual> when it has none; links in `ignoreLinks` get none.
 /// @throws InputError  naming the file and the element
 void readUrdf(const std::string& path, const std::string& rootLink, const std::vector<std::string>& ignoreLinks,
-              const PackagePaths& packages, Hand& hand);
+              const PackagePaths& packages, Mechanism& mechanism);
 
 /// The same from a database record: `text` is the URDF, `meshes` each link's geometry by its name.
 void readStoredUrdf(const std::string& text, const std::string& rootLink,
-                    const std::map<std::string, TriangleMesh>& meshes, Hand& hand);
+                    const std::map<std::string, TriangleMesh>& meshes, Mechanism& mechanism);
 
 }  // namespace handhold

@@ -11,7 +11,7 @@ constexpr double kCoupled = 1e-5;  // rad or m: stored positions are 32-bit floa
 /// (6 nContacts): the motion of each contact's link at the centre of mass when the joint alone moves by one unit.
 Eigen::VectorXd motionOf(const Hand& hand, int index, const Eigen::Isometry3d& X_OP, std::span<const Contact> contacts,
                          const Eigen::Vector3d& centerOfMass) {
-  const HandJoint& joint = hand.joints[index];
+  const Joint& joint = hand.joints[index];
   const Eigen::Isometry3d X_OJ = X_OP * joint.X_PJ;
   const Eigen::Vector3d axis = X_OJ.linear() * joint.axis;
   Eigen::Matrix<double, 6, 1> twist = Eigen::Matrix<double, 6, 1>::Zero();
@@ -29,7 +29,7 @@ Eigen::VectorXd motionOf(const Hand& hand, int index, const Eigen::Isometry3d& X
 }
 
 bool isOpenClutch(const Hand& hand, int index, const Eigen::VectorXd& q) {
-  const HandJoint& joint = hand.joints[index];
+  const Joint& joint = hand.joints[index];
   const bool canOpen = std::any_of(hand.closing.begin(), hand.closing.end(),
                                    [&](const ClosingJoint& closing) { return closing.breakawayJoint == index; });
   return canOpen && std::abs(q[index] - joint.mimicMultiplier * q[joint.mimicOf] - joint.mimicOffset) > kCoupled;
@@ -71,7 +71,7 @@ Actuation actuationOf(const Hand& hand, const Eigen::VectorXd& q, const Eigen::I
 }
 
 bool hasEffortLimits(const Hand& hand) {
-  return std::any_of(hand.joints.begin(), hand.joints.end(), [](const HandJoint& joint) { return joint.effort > 0; });
+  return std::any_of(hand.joints.begin(), hand.joints.end(), [](const Joint& joint) { return joint.effort > 0; });
 }
 
 }  // namespace handhold

@@ -92,8 +92,8 @@ ClosingStep makeClosingStep(const Hand& hand, const ClosingJoint& closing) {
 }
 
 Vector3d centerJaws(const Hand& hand, const ClosingStep& step, Eigen::VectorXd& q) {
-  const HandJoint& joint = hand.joints[step.alone.joint];
-  const HandJoint& other = hand.joints[step.follower.joint];
+  const Joint& joint = hand.joints[step.alone.joint];
+  const Joint& other = hand.joints[step.follower.joint];
   const double first = q[step.alone.joint];
   const double second = (q[step.follower.joint] - other.mimicOffset) / other.mimicMultiplier;
   const double centered = 0.5 * (first + second);
@@ -105,7 +105,7 @@ Vector3d centerJaws(const Hand& hand, const ClosingStep& step, Eigen::VectorXd& 
 void place(const Hand& hand, const Mover& mover, double position, Eigen::VectorXd& q) {
   q[mover.joint] = position;
   for (const int follower : mover.followers) {
-    const HandJoint& joint = hand.joints[follower];
+    const Joint& joint = hand.joints[follower];
     q[follower] = std::clamp(joint.mimicMultiplier * q[joint.mimicOf] + joint.mimicOffset, joint.lower, joint.upper);
   }
 }

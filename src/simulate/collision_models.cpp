@@ -55,7 +55,7 @@ struct LinkModels::Impl {
 };
 
 LinkModels::LinkModels(const Hand& hand) : impl_(new Impl) {
-  for (const HandLink& link : hand.links) {
+  for (const Link& link : hand.links) {
     impl_->bvhs.push_back(link.mesh.triangles.empty() ? nullptr : makeBvh(link.mesh));
   }
 }
@@ -95,7 +95,7 @@ struct CollisionModels::Impl {
 CollisionModels::CollisionModels(const Hand& hand, const ObjectModel& object)
     : impl_(new Impl{
           hand, object, LinkModels(hand), makeBvh(object.mesh), RayScene(object.mesh), boundingBox(object.mesh), {}}) {
-  for (const HandLink& link : hand.links) {
+  for (const Link& link : hand.links) {
     Impl::LinkModel& model = impl_->links.emplace_back();
     if (link.mesh.triangles.empty()) continue;
     model.bvh = impl_->linkModels.impl_->bvhs[impl_->links.size() - 1].get();

@@ -1,6 +1,6 @@
 #include "simulate/hand_check.h"
 
-#include "hand/primitives.h"
+#include "mesh/primitives.h"
 #include "mesh/ray_scene.h"
 
 #include <algorithm>

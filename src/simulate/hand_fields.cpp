@@ -62,7 +62,7 @@ int commonBase(const Hand& hand, const std::vector<int>& joints) {
 Motion makeMotion(const Hand& hand, const Mover& mover, const Eigen::VectorXd& q, bool overWholeRange) {
   Motion motion;
   motion.mover = mover;
-  const HandJoint& driver = hand.joints[mover.joint];
+  const Joint& driver = hand.joints[mover.joint];
   motion.turns = driver.type == JointType::revolute;
   motion.direction = mover.direction;
   const double first = mover.direction > 0 ? driver.lower : driver.upper;
@@ -86,11 +86,11 @@ Motion makeMotion(const Hand& hand, const Mover& mover, const Eigen::VectorXd& q
   // Of a node's frame N and its joint's child link C: x_C = A x_N.
   const auto inNode = [&](int node, int link) {  // X_NL
     if (node < 0) return Isometry3d(X_HL[motion.baseLink].inverse() * X_HL[link]);
-    const HandJoint& joint = hand.joints[joints[node]];
+    const Joint& joint = hand.joints[joints[node]];
     return Isometry3d(rotation(turnZTo(joint.axis)).inverse() * X_HL[joint.childLink].inverse() * X_HL[link]);
   };
   for (const int j : joints) {
-    const HandJoint& joint = hand.joints[j];
+    const Joint& joint = hand.joints[j];
     MotionNode node;
     node.parent = nodeAbove(joint.parentLink);
     const Isometry3d X_NP = inNode(node.parent, joint.parentLink);

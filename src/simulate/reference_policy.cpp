@@ -79,7 +79,7 @@ class ReferencePolicy final : public GraspPolicy {
     const Mover& mover = steps_[step].mover(part);
     const Isometry3d& X_OH = trial.X_OH;
     Eigen::VectorXd& q = trial.jointPosition;
-    const HandJoint& joint = hand_.joints[mover.joint];
+    const Joint& joint = hand_.joints[mover.joint];
     const bool turns = joint.type == JointType::revolute;
     const double stride = turns ? settings_.angularStep : settings_.linearStep;
     const double limit = mover.direction > 0 ? joint.upper : joint.lower;

@@ -1,8 +1,8 @@
 #include "view/grasp_picture.h"
 
 #include "core/error.h"
-#include "hand/primitives.h"
 #include "hand/stored_hand.h"
+#include "mesh/primitives.h"
 #include "mesh/ray_scene.h"
 
 #include <algorithm>

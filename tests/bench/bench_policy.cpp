@@ -260,7 +260,7 @@ struct Accuracy {
     ++trials;
     backoff.add(difference.backoffMm);
     hand.add(difference.handMm);
-    const auto isRevolute = [](const HandJoint& joint) { return joint.type == JointType::revolute; };
+    const auto isRevolute = [](const Joint& joint) { return joint.type == JointType::revolute; };
     if (std::any_of(model.joints.begin(), model.joints.end(), isRevolute)) revolute.add(difference.revoluteDegrees);
     if (!std::all_of(model.joints.begin(), model.joints.end(), isRevolute)) prismatic.add(difference.prismaticMm);
     sameLinks += difference.sameLinks;

@@ -256,7 +256,7 @@ TEST_F(Build, RobustnessIsOfTheBestGrasps) {
 TEST_F(Build, AHandWithoutEffortsHasNoLoadMargins) {
   Job box = job(entry("box", "box.stl"), "barrett");
   std::vector<Hand> hands = loadHands(box);
-  for (HandJoint& joint : hands[0].joints) joint.effort = 0;
+  for (Joint& joint : hands[0].joints) joint.effort = 0;
   BuildOptions options;
   options.threads = 2;
   options.progress = ProgressMode::none;

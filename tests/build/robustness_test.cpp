@@ -1,6 +1,6 @@
 #include "build/robustness.h"
 
-#include "hand/primitives.h"
+#include "mesh/primitives.h"
 #include "simulate/fast_policy.h"
 #include "support/brute_force.h"
 #include "support/random_contacts.h"

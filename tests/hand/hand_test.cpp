@@ -4,8 +4,8 @@
 
 #include "core/yaml.h"
 #include "hand/hand_files.h"
-#include "hand/primitives.h"
 #include "mesh/files.h"
+#include "mesh/primitives.h"
 #include "mesh/shapes.h"
 
 #include <algorithm>
@@ -44,7 +44,7 @@ TEST_F(LoadHand, GoodHand) {
   EXPECT_EQ(hand.links.size(), 4U);
   EXPECT_EQ(hand.joints.size(), 3U);
   EXPECT_EQ(hand.links[0].name, "base");
-  const HandJoint& slide = hand.joints[indexOf(hand.joints, "slide")];
+  const Joint& slide = hand.joints[indexOf(hand.joints, "slide")];
   EXPECT_EQ(slide.type, JointType::prismatic);
   EXPECT_EQ(slide.upper, 0.04);
   EXPECT_EQ(slide.effort, 9);
@@ -66,7 +66,7 @@ TEST_F(LoadHand, ParentsComeFirst) {
     EXPECT_GE(hand.links[i].parentLink, 0);
     EXPECT_LT(hand.links[i].parentLink, static_cast<int>(i));
   }
-  for (const HandJoint& joint : hand.joints) EXPECT_LT(joint.parentLink, joint.childLink);
+  for (const Joint& joint : hand.joints) EXPECT_LT(joint.parentLink, joint.childLink);
 }
 
 TEST_F(LoadHand, PathMayBeTheFolderOrTheFile) {
@@ -95,18 +95,18 @@ TEST_F(LoadHand, TcpIsThePalmUnlessWritten) {
 }
 
 TEST_F(LoadHand, ContactLinks) {
-  for (const HandLink& link : load(goodUrdf(), kGoodConfig + "contact_links: all\n").links) {
+  for (const Link& link : load(goodUrdf(), kGoodConfig + "contact_links: all\n").links) {
     EXPECT_TRUE(link.contactAllowed);
   }
   const Hand hand = load(goodUrdf(), kGoodConfig + "contact_links: [distal, proximal]\n");
-  for (const HandLink& link : hand.links) {
+  for (const Link& link : hand.links) {
     EXPECT_EQ(link.contactAllowed, link.name == "distal" || link.name == "proximal") << link.name;
   }
 }
 
 TEST_F(LoadHand, IgnoredLinksHaveNoGeometry) {
   const Hand hand = load(goodUrdf(), kGoodConfig + "ignore_links: [proximal]\n");
-  for (const HandLink& link : hand.links) EXPECT_EQ(link.mesh.triangles.empty(), link.name == "proximal") << link.name;
+  for (const Link& link : hand.links) EXPECT_EQ(link.mesh.triangles.empty(), link.name == "proximal") << link.name;
 }
 
 // The subtree of a whole robot: poses are relative to its root, joints above it do not count.
@@ -185,7 +185,7 @@ class LoadHandMesh : public test::HandFiles {
   static std::string meshUrdf(const std::string& attributes) {
     return with(goodUrdf(), "<box size=\"0.01 0.01 0.01\"/>", "<mesh " + attributes + "/>");
   }
-  static const HandLink& slider(const Hand& hand) { return hand.links[indexOf(hand.links, "slider")]; }
+  static const Link& slider(const Hand& hand) { return hand.links[indexOf(hand.links, "slider")]; }
   static std::string cubeText() { return test::objText(test::box({1, 2, 3}, {2, 4, 6})); }
 
   std::map<std::string, std::string> before_;
@@ -424,7 +424,7 @@ TEST_F(LoadHand, RefusesZeroAxis) {
 
 TEST_F(LoadHand, RefusesMimicOfAMissingJoint) {
   EXPECT_THAT(urdfRefusal("<mimic joint=\"bend\"", "<mimic joint=\"bent\""),
-              StrEq("test.urdf: joint bend_2 mimics bent, which is no moving joint of the hand"));
+              StrEq("test.urdf: joint bend_2 mimics bent, which is no moving joint below the root link"));
 }
 
 TEST_F(LoadHand, RefusesMimicCycle) {
@@ -446,7 +446,7 @@ TEST_F(LoadHand, RefusesGeometryWithoutSize) {
 
 TEST_F(LoadHand, RefusesMissingRootLink) {
   EXPECT_THAT(configRefusal("root_link: base", "root_link: wrist"),
-              StrEq("test.urdf: has no link wrist, want the hand's root_link"));
+              StrEq("test.urdf: has no link wrist, want the link to begin at"));
 }
 
 TEST_F(LoadHand, RefusesUnknownIgnoredLink) {

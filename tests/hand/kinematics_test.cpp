@@ -123,7 +123,7 @@ TEST_F(Kinematics, MimicChainsOfTwoLevels) {
 // all.
 TEST_F(Kinematics, ChainsAreShortenedOnLoading) {
   const Hand hand = loadMimicChain();
-  const HandJoint& last = hand.joints[joint(hand, "a_last")];
+  const Joint& last = hand.joints[joint(hand, "a_last")];
   EXPECT_EQ(last.mimicOf, joint(hand, "z_first"));
   EXPECT_DOUBLE_EQ(last.mimicMultiplier, -2 * 3);
   EXPECT_DOUBLE_EQ(last.mimicOffset, 0.5 - 2 * 0.25);
@@ -183,8 +183,8 @@ TEST_F(Kinematics, FixedLinksFollowTheirParents) {
 TEST_F(Kinematics, StoredHandAgrees) {
   const Hand hand = loadMimicChain();
   std::vector<std::string> linkNames, jointNames;
-  for (const HandLink& l : hand.links) linkNames.push_back(l.name);
-  for (const HandJoint& j : hand.joints) jointNames.push_back(j.name);
+  for (const Link& l : hand.links) linkNames.push_back(l.name);
+  for (const Joint& j : hand.joints) jointNames.push_back(j.name);
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     const RandomStream random(seed);

@@ -34,7 +34,7 @@ int jointNamed(const Hand& hand, const std::string& name) {
 }
 
 void expectLimits(const Hand& hand, const std::string& name, double lower, double upper) {
-  const HandJoint& joint = hand.joints[jointNamed(hand, name)];
+  const Joint& joint = hand.joints[jointNamed(hand, name)];
   EXPECT_NEAR(joint.lower, lower, kLimitTol) << name;
   EXPECT_NEAR(joint.upper, upper, kLimitTol) << name;
   EXPECT_GT(joint.effort, 0) << name;
@@ -78,7 +78,7 @@ void expectUsable(const Hand& hand, double palmTol) {
       EXPECT_TRUE((X_HL.linear().transpose() * X_HL.linear()).isIdentity(1e-9));
     }
   }
-  for (const HandLink& link : hand.links) {
+  for (const Link& link : hand.links) {
     SCOPED_TRACE(link.name);
     EXPECT_EQ(link.piecePoints.empty(), link.mesh.triangles.empty());
     for (const Vector3d& p : link.piecePoints) EXPECT_LE(distanceToMesh(p, link.mesh), kPieceTol);
@@ -113,7 +113,7 @@ TEST(ShippedHands, Barrett) {
   for (const std::string finger : {"finger_1", "finger_2", "finger_3"}) {
     expectLimits(hand, finger, 0, 140 * kDegree);
     expectLimits(hand, finger + "_distal", 0, 48 * kDegree);
-    const HandJoint& distal = hand.joints[jointNamed(hand, finger + "_distal")];
+    const Joint& distal = hand.joints[jointNamed(hand, finger + "_distal")];
     EXPECT_EQ(distal.mimicOf, jointNamed(hand, finger));
     EXPECT_NEAR(distal.mimicMultiplier, 45.0 / 140, 1e-6);
   }
@@ -191,7 +191,7 @@ TEST(RestoreHand, EqualsTheLoadedHand) {
     const Hand hand = loadHand(kRoot + "/hands/" + name);
     std::vector<std::string> names;
     std::vector<TriangleMesh> meshes;
-    for (const HandLink& link : hand.links) {
+    for (const Link& link : hand.links) {
       names.push_back(link.name);
       meshes.push_back(link.mesh);
     }

@@ -2,7 +2,7 @@
 
 #include "core/error.h"
 #include "core/random.h"
-#include "hand/primitives.h"
+#include "mesh/primitives.h"
 #include "mesh/shapes.h"
 
 #include <algorithm>

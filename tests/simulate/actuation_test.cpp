@@ -22,7 +22,7 @@ Hand shipped(const std::string& name) { return loadHand(HANDHOLD_SOURCE_DIR "/ha
 VectorXd randomPosition(const Hand& hand, const RandomStream& stream) {
   VectorXd q(hand.joints.size());
   for (Eigen::Index j = 0; j < q.size(); ++j) {
-    const HandJoint& joint = hand.joints[static_cast<std::size_t>(j)];
+    const Joint& joint = hand.joints[static_cast<std::size_t>(j)];
     q[j] = joint.lower + (joint.upper - joint.lower) * stream.uniform(static_cast<std::uint64_t>(j));
   }
   return followMimics(hand, q);

@@ -1,5 +1,5 @@
 // Grasps whose outcome is known on paper.
-#include "hand/primitives.h"
+#include "mesh/primitives.h"
 #include "quality/force_closure.h"
 #include "simulate/grasp_policy.h"
 #include "support/toy_hands.h"

@@ -3,7 +3,7 @@
 #include "simulate/fast_kernels.h"
 
 #include "core/random.h"
-#include "hand/primitives.h"
+#include "mesh/primitives.h"
 #include "support/brute_force.h"
 
 #include <algorithm>

@@ -4,7 +4,7 @@
 
 #include "core/error.h"
 #include "core/random.h"
-#include "hand/primitives.h"
+#include "mesh/primitives.h"
 #include "sample/surface_samples.h"
 #include "support/brute_force.h"
 #include "support/sanitized.h"
@@ -559,7 +559,7 @@ Hand makeMixedHand() {
   Hand hand = makeFingers(3);
   for (ClosingJoint& closing : hand.closing) closing.breakawayJoint = -1;
   for (int i = 0; i < 2; ++i) {
-    HandJoint& joint = hand.joints[2 * i];
+    Joint& joint = hand.joints[2 * i];
     joint.type = JointType::prismatic;
     joint.axis = -Vector3d::UnitX();
     joint.lower = -0.01;

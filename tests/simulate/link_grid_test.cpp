@@ -3,7 +3,7 @@
 
 #include "core/random.h"
 #include "hand/hand.h"
-#include "hand/primitives.h"
+#include "mesh/primitives.h"
 #include "mesh/ray_scene.h"
 #include "mesh/shapes.h"
 #include "support/brute_force.h"
@@ -134,7 +134,7 @@ std::set<std::uint32_t> trianglesInBins(const LinkGrid& grid) {
 /// The shipped Barrett hand's first link of that name.
 TriangleMesh barrettLink(const std::string& name) {
   const Hand hand = loadHand(HANDHOLD_SOURCE_DIR "/hands/barrett");
-  for (const HandLink& link : hand.links) {
+  for (const Link& link : hand.links) {
     if (link.name == name) return link.mesh;
   }
   throw std::runtime_error("no link " + name);

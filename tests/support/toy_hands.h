@@ -1,8 +1,8 @@
 #pragma once
 
 #include "hand/hand.h"
-#include "hand/primitives.h"
 #include "mesh/object.h"
+#include "mesh/primitives.h"
 
 #include <numbers>
 #include <string>
@@ -12,7 +12,7 @@ namespace handhold::testing {
 /// A link with one box of full extents `size` centred at `center`, hanging on `joint` (or fixed at X_PL).
 inline int addBoxLink(Hand& hand, const std::string& name, int parent, int joint, const Eigen::Vector3d& size,
                       const Eigen::Vector3d& center) {
-  HandLink link;
+  Link link;
   link.name = name;
   link.parentLink = parent;
   link.joint = joint;
@@ -25,7 +25,7 @@ inline int addBoxLink(Hand& hand, const std::string& name, int parent, int joint
 
 inline int addJoint(Hand& hand, const std::string& name, JointType type, int parent, const Eigen::Isometry3d& X_PJ,
                     const Eigen::Vector3d& axis, double lower, double upper) {
-  HandJoint joint;
+  Joint joint;
   joint.name = name;
   joint.type = type;
   joint.parentLink = parent;

@@ -2,7 +2,7 @@
 
 #include "core/error.h"
 #include "hand/hand.h"
-#include "hand/primitives.h"
+#include "mesh/primitives.h"
 
 #include <algorithm>
 
@@ -34,8 +34,8 @@ GraspSet madeUpSet() {
   set.hand = "barrett";
   set.objectMesh = sphereMesh(0.04);
   set.urdf = barrett().urdfText;
-  for (const HandJoint& joint : barrett().joints) set.jointNames.push_back(joint.name);
-  for (const HandLink& link : barrett().links) {
+  for (const Joint& joint : barrett().joints) set.jointNames.push_back(joint.name);
+  for (const Link& link : barrett().links) {
     set.linkNames.push_back(link.name);
     set.linkMeshes.push_back(link.mesh);
   }

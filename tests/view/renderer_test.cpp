@@ -1,6 +1,6 @@
 #include "view/renderer.h"
 
-#include "hand/primitives.h"
+#include "mesh/primitives.h"
 
 #include <array>
 #include <cmath>

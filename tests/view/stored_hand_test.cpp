@@ -67,8 +67,8 @@ TEST(LinkPosesFromUrdf, AgreesWithForwardKinematics) {
   for (const std::string name : {"barrett", "hrp2", "jaw"}) {
     const Hand hand = loadHand(HANDHOLD_SOURCE_DIR "/hands/" + name);
     std::vector<std::string> links, joints;
-    for (const HandLink& link : hand.links) links.push_back(link.name);
-    for (const HandJoint& joint : hand.joints) joints.push_back(joint.name);
+    for (const Link& link : hand.links) links.push_back(link.name);
+    for (const Joint& joint : hand.joints) joints.push_back(joint.name);
     for (const Preshape& preshape : hand.preshapes) {
       const auto expected = forwardKinematics(hand, preshape.jointPosition);
       const auto found = linkPosesFromUrdf(hand.urdfText, links, joints, preshape.jointPosition);

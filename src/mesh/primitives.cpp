@@ -1,4 +1,4 @@
-#include "hand/primitives.h"
+#include "mesh/primitives.h"
 
 #include <algorithm>
 #include <cmath>
@@ -34,8 +34,8 @@ TriangleMesh boxMesh(const Eigen::Vector3d& size) {
   return mesh;
 }
 
-TriangleMesh cylinderMesh(double radius, double length) {
-  const int n = circleSegments(radius, kChordError);
+TriangleMesh cylinderMesh(double radius, double length, double chordError) {
+  const int n = circleSegments(radius, chordError);
   TriangleMesh mesh;
   for (int i = 0; i < n; ++i) mesh.vertices.push_back(onCircle(radius, i, n, -length / 2));
   for (int i = 0; i < n; ++i) mesh.vertices.push_back(onCircle(radius, i, n, length / 2));
@@ -52,8 +52,8 @@ TriangleMesh cylinderMesh(double radius, double length) {
   return mesh;
 }
 
-TriangleMesh sphereMesh(double radius) {
-  const int around = circleSegments(radius, kChordError / 2);  // the chords of both directions add up
+TriangleMesh sphereMesh(double radius, double chordError) {
+  const int around = circleSegments(radius, chordError / 2);  // the chords of both directions add up
   const int bands = std::max(6, around / 2);
   TriangleMesh mesh;
   for (int band = 1; band < bands; ++band) {
