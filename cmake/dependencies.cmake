@@ -15,6 +15,7 @@ find_package(PNG REQUIRED)
 find_package(SQLite3 3.36 REQUIRED)
 pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)
 pkg_check_modules(HIGHWAY REQUIRED IMPORTED_TARGET libhwy)
+pkg_check_modules(TINYXML REQUIRED IMPORTED_TARGET tinyxml)
 
 # SuiteSparse 5 comes without a CMake package.
 find_library(CHOLMOD_LIBRARY cholmod REQUIRED)
@@ -22,6 +23,13 @@ find_path(CHOLMOD_INCLUDE_DIR cholmod.h PATH_SUFFIXES suitesparse REQUIRED)
 add_library(cholmod INTERFACE IMPORTED)
 target_link_libraries(cholmod INTERFACE ${CHOLMOD_LIBRARY})
 target_include_directories(cholmod SYSTEM INTERFACE ${CHOLMOD_INCLUDE_DIR})
+
+# OMPL's own package names Boost and ODE libraries that we do not use.
+find_library(OMPL_LIBRARY ompl REQUIRED)
+find_path(OMPL_INCLUDE_DIR ompl/config.h PATH_SUFFIXES ompl-1.5 ompl REQUIRED)
+add_library(ompl INTERFACE IMPORTED)
+target_link_libraries(ompl INTERFACE ${OMPL_LIBRARY})
+target_include_directories(ompl SYSTEM INTERFACE ${OMPL_INCLUDE_DIR})
 
 # Third-party headers are SYSTEM so that our warnings stay about our code.
 foreach(target embree fcl assimp::assimp yaml-cpp)

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "app/program.h"
 #include "build/build_job.h"
 #include "build/shards.h"
 #include "store/prune.h"
@@ -11,9 +12,6 @@
 #include <vector>
 
 namespace handhold {
-
-/// Exit codes of every program (contract).
-inline constexpr int kExitDone = 0, kExitItemFailed = 1, kExitWrongInput = 2;
 
 struct BuildCommand {
   std::string job;

@@ -1,9 +1,8 @@
 // The offline program: builds grasp databases and shows what is in them.
 #include "app/commands.h"
+#include "app/program.h"
 #include "core/error.h"
-#include "core/log.h"
 
-#include <csignal>
 #include <cstdlib>
 #include <limits>
 #include <map>
@@ -13,11 +12,6 @@
 
 namespace handhold {
 namespace {
-
-std::string defaultDatabase() {
-  const char* fromEnvironment = std::getenv("HANDHOLD_DB");
-  return fromEnvironment != nullptr && *fromEnvironment != '\0' ? fromEnvironment : "./db";
-}
 
 /// "I/N" with 0 <= I < N.
 void parseShard(const std::string& text, BuildOptions& options) {
@@ -29,17 +23,6 @@ void parseShard(const std::string& text, BuildOptions& options) {
   if (!plain || *end != '\0' || options.shard >= options.shards) {
     throw InputError(fmt::format("--shard is \"{}\", want I/N with I from 0 to N-1, as 0/4", text));
   }
-}
-
-PackagePaths parsePackages(const std::vector<std::string>& given) {
-  PackagePaths packages;
-  for (const std::string& entry : given) {
-    const std::size_t equals = entry.find('=');
-    if (equals == std::string::npos || equals == 0)
-      throw InputError(fmt::format("--package is \"{}\", want NAME=DIR", entry));
-    packages[entry.substr(0, equals)] = entry.substr(equals + 1);
-  }
-  return packages;
 }
 
 CLI::App* addQuery(CLI::App& app, QueryCommand& command) {
@@ -187,21 +170,7 @@ int runProgram(int argc, char** argv) {
       ->add_option("options", submit.sbatchOptions, "after --: options of sbatch, for the array and its summary")
       ->type_name("SBATCH OPTIONS");
 
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& success) {  // --help, --version
-    return app.exit(success);
-  } catch (const CLI::ParseError& error) {
-    if (app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-') {
-      std::vector<std::string> names;
-      for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
-      logError(
-          fmt::format("\"{}\" is no command, want one of: {} (see handhold --help)", argv[1], fmt::join(names, ", ")));
-      return kExitWrongInput;
-    }
-    logError(fmt::format("{} (see handhold --help)", error.what()));
-    return kExitWrongInput;
-  }
+  if (const int exit = parseArguments(app, argc, argv); exit >= 0) return exit;
 
   static const std::map<std::string, ProgressMode> kModes = {{"auto", ProgressMode::automatic},
                                                              {"plain", ProgressMode::plain},
@@ -231,18 +200,4 @@ int runProgram(int argc, char** argv) {
 }  // namespace
 }  // namespace handhold
 
-int main(int argc, char** argv) {
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may grow no further is a failed write, told as a full disk is
-  try {
-    return handhold::runProgram(argc, argv);
-  } catch (const handhold::InputError& error) {
-    handhold::logError(error.what());
-    return handhold::kExitWrongInput;
-  } catch (const handhold::SystemError& error) {
-    handhold::logError(error.what());
-    return handhold::kExitItemFailed;
-  } catch (const std::exception& error) {
-    handhold::logError(std::string("unexpected: ") + error.what());
-    return handhold::kExitItemFailed;
-  }
-}
+int main(int argc, char** argv) { return handhold::runGuarded(handhold::runProgram, argc, argv); }

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
-#include <map>
 #include <numbers>
 #include <sstream>
 
@@ -27,16 +26,7 @@ std::string besides(const std::string& file, const std::string& path) {
 
 /// What may be written for a catalog entry beside its name and mesh.
 void readProperties(const YamlValue& entry, const Job& job, CatalogItem& item) {
-  const YamlValue* unit = entry.find("unit");
-  const YamlValue* scale = entry.find("scale");
-  if (unit != nullptr && scale != nullptr) scale->fail("is given beside unit, want one of them");
-  if (unit != nullptr) {
-    static const std::map<std::string, double> kUnits = {{"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}};
-    const auto known = kUnits.find(unit->text());
-    if (known == kUnits.end()) unit->refuse("m, cm, mm or in");
-    item.unit = {known->second, true, known->first};
-  }
-  if (scale != nullptr) item.unit = {scale->positiveNumber(), true, "scale " + scale->text()};
+  item.unit = readMeshUnit(entry);
   item.friction = job.friction;
   if (const YamlValue* friction = entry.find("friction")) item.friction = friction->positiveNumber();
   if (const YamlValue* mass = entry.find("mass")) item.mass = mass->positiveNumber();

@@ -25,6 +25,11 @@ struct MeshUnit {
   std::string text = "m";  // as the user wrote it, for messages
 };
 
+class YamlValue;
+/// The keys unit (m, cm, mm or in) and scale of a job's or scene's entry; at most one is written.
+/// @throws InputError  naming file, line and key
+MeshUnit readMeshUnit(const YamlValue& entry);
+
 /// Limits for the child process that runs the third-party importer.
 struct ImportLimits {
   double seconds = 60;

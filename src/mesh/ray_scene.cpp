@@ -1,6 +1,6 @@
 #include "mesh/ray_scene.h"
 
-#include "core/error.h"
+#include "mesh/embree_scene.h"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,6 @@
 #include <vector>
 
 #include <embree3/rtcore.h>
-#include <fmt/format.h>
 
 namespace handhold {
 namespace {
@@ -21,29 +20,6 @@ const std::array<Vector3d, 3> kInsideDirections = {Vector3d(0.5720614, 0.3219417
                                                    Vector3d(0.1873541, -0.5419827, -0.8192347).normalized()};
 // Relative to distance plus mesh size: the rounding of Embree's single precision with room to spare.
 constexpr double kSameDistance = 1e-6;
-
-void requireEmbree(RTCDevice device, const char* what) {
-  const RTCError error = rtcGetDeviceError(device);
-  if (error != RTC_ERROR_NONE) {
-    throw SystemError(fmt::format("embree: {} failed with error {}", what, static_cast<int>(error)));
-  }
-}
-
-/// One device per process. threads=1 keeps Embree from starting workers; the instruction set is pinned because
-/// distances differ in the last digits between them.
-RTCDevice sharedDevice() {
-  struct Device {
-    RTCDevice handle = nullptr;
-    Device() {
-      const bool avx2 = __builtin_cpu_supports("avx2") != 0;
-      handle = rtcNewDevice(avx2 ? "threads=1,set_affinity=0,isa=avx2" : "threads=1,set_affinity=0");
-      requireEmbree(handle, "opening the device");
-    }
-    ~Device() { rtcReleaseDevice(handle); }
-  };
-  static const Device device;
-  return device.handle;
-}
 
 /// The context of one ray that passes through everything and writes down what it met.
 struct CrossingContext {
@@ -83,40 +59,12 @@ bool shareVertex(const std::array<std::uint32_t, 3>& a, const std::array<std::ui
 struct RayScene::Impl {
   TriangleMesh mesh;
   double size = 0;  // m, diagonal
-  RTCScene scene = nullptr;
+  EmbreeScene scene;
 
   explicit Impl(const TriangleMesh& source)
-      : mesh(source), size(mesh.vertices.empty() ? 0 : boundingBox(mesh).diagonal().norm()) {
-    scene = rtcNewScene(sharedDevice());
-    rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
-    try {
-      if (!mesh.triangles.empty()) addGeometry();
-      rtcCommitScene(scene);
-      requireEmbree(sharedDevice(), "building the scene");
-    } catch (...) {
-      rtcReleaseScene(scene);
-      throw;
-    }
-  }
-  ~Impl() { rtcReleaseScene(scene); }
-  Impl(const Impl&) = delete;
-  Impl& operator=(const Impl&) = delete;
-
-  void addGeometry() {
-    RTCGeometry geometry = rtcNewGeometry(sharedDevice(), RTC_GEOMETRY_TYPE_TRIANGLE);
-    auto* vertex = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                                               3 * sizeof(float), mesh.vertices.size()));
-    auto* index = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(
-        geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t), mesh.triangles.size()));
-    if (vertex != nullptr && index != nullptr) {
-      for (const auto& v : mesh.vertices) vertex = std::copy_n(v.cast<float>().eval().data(), 3, vertex);
-      for (const auto& t : mesh.triangles) index = std::copy_n(t.data(), 3, index);
-      rtcCommitGeometry(geometry);
-      rtcAttachGeometry(scene, geometry);
-    }
-    rtcReleaseGeometry(geometry);
-    requireEmbree(sharedDevice(), "copying the mesh");
-  }
+      : mesh(source),
+        size(mesh.vertices.empty() ? 0 : boundingBox(mesh).diagonal().norm()),
+        scene(mesh, EmbreeScene::Filter::context) {}
 
   int sign(std::uint32_t triangle, const Vector3d& direction) const {
     const auto [a, b, c] = mesh.corners(triangle);
@@ -139,7 +87,7 @@ RayHit RayScene::cast(const Vector3d& origin, const Vector3d& direction) const {
   RTCRayHit ray = makeRay(origin, direction);
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  rtcIntersect1(impl_->scene, &context, &ray);
+  rtcIntersect1(impl_->scene.handle(), &context, &ray);
   if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
   return {ray.ray.tfar, ray.hit.primID};
 }
@@ -153,7 +101,7 @@ void RayScene::crossings(const Vector3d& origin, const Vector3d& direction, std:
   crossing.context.filter = recordHit;
   crossing.hits = &hits;
   RTCRayHit ray = makeRay(origin, direction);
-  rtcIntersect1(impl_->scene, &crossing.context, &ray);
+  rtcIntersect1(impl_->scene.handle(), &crossing.context, &ray);
   std::sort(hits.begin(), hits.end(), [](const RayHit& a, const RayHit& b) {
     return a.distance != b.distance ? a.distance < b.distance : a.triangle < b.triangle;
   });

@@ -1,0 +1,77 @@
+#include "plan/planner.h"
+
+#include <nlohmann/json.hpp>
+
+namespace handhold {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json poseJson(const Eigen::Isometry3d& X) {
+  const Eigen::Quaterniond q(X.linear());
+  return {X.translation().x(), X.translation().y(), X.translation().z(), q.x(), q.y(), q.z(), q.w()};
+}
+
+Json vectorJson(const Eigen::VectorXd& v) { return std::vector<double>(v.data(), v.data() + v.size()); }
+
+Json termsJson(const GraspScore& score) { return {{"gq", score.gq}, {"gb", score.gb}, {"ge", score.ge}}; }
+
+Json trajectoryJson(const PlanResult& result) {
+  Json points = Json::array(), segments = Json::array();
+  for (const TrajectoryPoint& point : result.trajectory.points) {
+    points.push_back({{"time_from_start", point.time},
+                      {"positions", vectorJson(point.position)},
+                      {"velocities", vectorJson(point.velocity)}});
+  }
+  for (const TrajectorySegment& segment : result.trajectory.segments) {
+    segments.push_back({{"name", segment.name}, {"begin", segment.begin}, {"end", segment.end}});
+  }
+  return {{"joint_names", result.jointNames}, {"points", points}, {"segments", segments}};
+}
+
+}  // namespace
+
+std::string rankingJson(const Planner& planner, const Ranking& ranking, std::size_t top) {
+  Json list = Json::array();
+  for (std::size_t i = 0; i < ranking.grasps.size() && (top == 0 || i < top); ++i) {
+    const RankedGrasp& grasp = ranking.grasps[i];
+    Json row = {{"rank", i + 1}, {"grasp", grasp.score.grasp}, {"trial", grasp.trial}, {"score", grasp.score.score}};
+    row.update(termsJson(grasp.score));
+    row["hand_pose"] = poseJson(grasp.X_WH);
+    row["arm"] = planner.robot().arms[grasp.score.arm].name;
+    list.push_back(std::move(row));
+  }
+  return list.dump();
+}
+
+std::string planJson(const PlanResult& result, bool pretty) {
+  Json json = {{"status", result.planned ? "planned" : "infeasible"}, {"object", result.object}};
+  if (result.planned) {
+    json["hand"] = result.hand;
+    json["arm"] = result.arm;
+    json["set_version"] = result.setVersion;
+    json["grasp"] = result.grasp.score.grasp;
+    json["trial"] = result.grasp.trial;
+    json["rank"] = result.rank;
+    json["score"] = result.grasp.score.score;
+    json["terms"] = termsJson(result.grasp.score);
+    json["hand_pose"] = poseJson(result.grasp.X_WH);
+    json["clearance"] = result.clearance;
+  } else {
+    json["reason"] = result.reason;
+  }
+  json["tested"] = result.tested;
+  json["rejected"] = result.rejected;
+  for (const PlanResult::Traced& traced : result.trace) {
+    Json row = {{"rank", traced.rank}, {"grasp", traced.grasp.score.grasp}, {"reason", traced.reason}};
+    row["detail"] = traced.detail;
+    json["trace"].push_back(std::move(row));
+  }
+  if (result.planned) json["trajectory"] = trajectoryJson(result);
+  json["checks"] = result.checks;
+  if (result.stopped) json["stopped"] = true;
+  json["timing_ms"] = result.timingMs;
+  return json.dump(pretty ? 1 : -1);
+}
+
+}  // namespace handhold
