@@ -15,6 +15,8 @@ namespace {
 
 using Bvh = fcl::BVHModel<fcl::OBBRSS<double>>;
 
+constexpr double kHandToTarget = 0.001;  // m
+
 /// A surface ready for questions.
 struct Body {
   Bvh bvh;
@@ -83,6 +85,9 @@ bool isInside(const Placed& a, const Placed& b) {
 bool near(const Placed& a, const Placed& b, double margin) {
   return !boxesApart(a, b, margin) && (surfacesNear(a, b, margin) || isInside(a, b) || isInside(b, a));
 }
+
+/// The hand may come nearer to what it is going to grasp: between open fingers there is no room for more.
+double targetMargin(bool isOfHand, double margin) { return isOfHand ? std::min(margin, kHandToTarget) : margin; }
 
 std::vector<bool> linksMovedByArm(const Robot& robot, const Arm& arm) {
   std::vector<bool> moved(robot.body.links.size(), false);
@@ -186,11 +191,11 @@ struct CollisionWorld::Impl {
 
   /// One link against obstacles and target.
   std::optional<Touch> linkTouches(int link, const Placed& placed, const Placed* goal, bool mayTouchTarget,
-                                   double margin) const {
+                                   double margin, double targetMargin) const {
     for (std::size_t i = 0; i < obstacles.size(); ++i) {
       if (near(placed, obstacles[i], margin)) return Touch{linkName(link), obstacleNames[i], false};
     }
-    if (goal != nullptr && !mayTouchTarget && near(placed, *goal, margin)) {
+    if (goal != nullptr && !mayTouchTarget && near(placed, *goal, targetMargin)) {
       return Touch{linkName(link), targetName, true};
     }
     return std::nullopt;
@@ -242,7 +247,8 @@ std::optional<Touch> CollisionWorld::handTouches(int arm, const std::vector<Eige
     const int link = description.handLinks[i];
     if (!impl_->links[link]) continue;
     const bool mayTouch = rule == TargetRule::contact && description.hand.links[i].contactAllowed;
-    if (auto touch = impl_->linkTouches(link, {impl_->links[link].get(), X_WL[i]}, goal, mayTouch, margin))
+    if (auto touch = impl_->linkTouches(link, {impl_->links[link].get(), X_WL[i]}, goal, mayTouch, margin,
+                                        targetMargin(true, margin)))
       return touch;
   }
   for (const auto& [a, b] : impl_->arms[arm].inHand) {
@@ -265,7 +271,7 @@ std::optional<Touch> CollisionWorld::robotTouches(int arm, const std::vector<Eig
     const int handLink = pairs.handLinkOf[i];
     const bool mayTouch =
         rule == TargetRule::contact && handLink >= 0 && impl_->robot.arms[arm].hand.links[handLink].contactAllowed;
-    if (auto touch = impl_->linkTouches(static_cast<int>(i), {impl_->links[i].get(), X_WL[i]}, goal, mayTouch, margin))
+    if (auto touch = impl_->linkTouches(static_cast<int>(i), {impl_->links[i].get(), X_WL[i]}, goal, mayTouch, margin, targetMargin(handLink >= 0, margin)))
       return touch;
   }
   for (const auto& [a, b] : pairs.inRobot) {

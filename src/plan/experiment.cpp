@@ -377,12 +377,14 @@ std::string ablationJson(const std::vector<ExperimentCell>& cells, std::uint64_t
 }
 
 std::string sweepJson(const std::vector<ExperimentCell>& cells) {
-  constexpr std::array<double, 4> kValues = {0, 1, 2, 4};
+  // Only the ratios matter: the exponent ranks as its multiples do.
+  constexpr std::array<double, 6> kGq = {0, 0.1, 0.25, 0.5, 1, 2}, kGb = {0, 0.25, 0.5, 1, 2, 4};
+  constexpr std::array<double, 4> kGe = {0, 1, 2, 4};
   Json list = Json::array();
   for (const ExperimentCell& cell : cells) {
-    for (const double c1 : kValues) {
-      for (const double c2 : kValues) {
-        for (const double c3 : kValues) {
+    for (const double c1 : kGq) {
+      for (const double c2 : kGb) {
+        for (const double c3 : kGe) {
           std::vector<double> ratios, tested;
           for (const SceneTrial& trial : cell.scenes) {
             if (trial.valid == 0) continue;

@@ -217,20 +217,23 @@ struct Planner::Impl {
   }
 
   void scoreReachAll(Ranking& ranking, std::vector<GraspScore>& scores) {
-    const Stopwatch watch(ranking.timingMs, "score");
-    const std::vector<ObstacleDistance> obstacles = obstacleDistances();
-    for (const Candidate& candidate : candidates) {
-      ArmTools& tools = arms[candidate.arm];
-      const Arm& arm = robot.arms[candidate.arm];
-      if (!tools.reach) {
-        ReachSettings settings;
-        settings.pregrasp = options.validation.pregrasp;
-        tools.reach = std::make_unique<ReachScorer>(arm.hand, settings);
+    std::vector<ObstacleDistance> obstacles;
+    {
+      const Stopwatch watch(ranking.timingMs, "distances");
+      obstacles = obstacleDistances();
+      ReachSettings settings;
+      settings.pregrasp = options.validation.pregrasp;
+      for (const Candidate& candidate : candidates) {
+        auto& reach = arms[candidate.arm].reach;
+        if (!reach) reach = std::make_unique<ReachScorer>(robot, candidate.arm, settings);
       }
-      const ActiveJoints active(robot, candidate.arm);
-      const ReachArm view{candidate.arm, candidate.situation.X_WA, arm.X_TH, tools.ik.get(),
-                          active.pick(candidate.situation.posture).head(active.armSize())};
-      tools.reach->score(*candidate.table, view, scene->X_WO, obstacles, robot.score, scores);
+    }
+    const Stopwatch watch(ranking.timingMs, "score");
+    for (const Candidate& candidate : candidates) {
+      const ArmTools& tools = arms[candidate.arm];
+      const ArmSituation& situation = candidate.situation;
+      tools.reach->score(*candidate.table, {situation.X_WB, situation.X_WA, tools.ik.get(), situation.posture},
+                         scene->X_WO, obstacles, robot.score, scores);
     }
     sortScores(scores);
   }

@@ -1,22 +1,22 @@
 #pragma once
 
-#include "rank/hand_clearance.h"
+#include "rank/link_clearance.h"
 #include "rank/score.h"
 #include "robot/inverse_kinematics.h"
 
+#include <memory>
 #include <vector>
 
 #include <Eigen/Geometry>
 
 namespace handhold {
 
-/// One arm as the reach score sees it.
+/// What the reach score knows of where an arm stands.
 struct ReachArm {
-  int arm = 0;
-  Eigen::Isometry3d X_WA;  // base of the arm
-  Eigen::Isometry3d X_TH;  // hand root in the tip link
-  const InverseKinematics* ik = nullptr;
-  Eigen::VectorXd posture;  // (n) present joint positions
+  Eigen::Isometry3d X_WB;                 // root of the robot
+  Eigen::Isometry3d X_WA;                 // base of the arm
+  const InverseKinematics* ik = nullptr;  // of the arm
+  Eigen::VectorXd posture;                // (J) of the whole robot, at present
 };
 
 struct ReachSettings {
@@ -30,14 +30,16 @@ struct ReachSettings {
 ///
 ///     G = 4 Gb + (c1 Gq + c3 Ge) / (c1 + c3)  when Ge > 0, else Gq / 1000                                       (1)
 ///
-/// Gb: inverse kinematics has a solution at the grasp and one near it at the pre-grasp (1), has none (0). Without a
-/// closed form it is asked for the best `numericChecks` grasps by the other terms alone; the rest have 0.5.
-/// Ge: the least distance of the whole hand to obstacles, swept from pre-grasp to grasp and in its final posture, in
-/// parts of `far`, 0 where it reaches into one. No grasp is left out: those that fail stand at the end.
+/// Gb: inverse kinematics has a solution at the grasp and one near it at the pre-grasp (1), at the grasp alone (1/2), has
+/// none (0). Without a closed form it is asked for the best `numericChecks` grasps by the other terms; the rest have 1/2.
+/// Ge: the least distance to obstacles of the whole hand, swept from pre-grasp to grasp and in its final posture, and of
+/// the arm in the best of its solutions, in parts of `far`; 0 where it reaches into one, or the arm into the rest of the
+/// robot. No grasp is left out: those that fail stand at the end.
 /// @note Const; safe from many threads.
 class ReachScorer {
  public:
-  explicit ReachScorer(const Hand& hand, const ReachSettings& settings = {});
+  /// `robot` must outlive it.
+  ReachScorer(const Robot& robot, int arm, const ReachSettings& settings = {});
 
   /// Appends one score for every grasp, in the table's order.
   void score(const GraspTable& table, const ReachArm& arm, const Eigen::Isometry3d& X_WO,
@@ -45,12 +47,25 @@ class ReachScorer {
              std::vector<GraspScore>& scores) const;
 
  private:
+  struct Reached;
+  /// A link that the arm does not move, and the arm's links that may not meet it.
+  struct OwnObstacle {
+    int link = 0;
+    std::shared_ptr<const SignedDistance> distance;
+    LinkClearance links;
+  };
+  double armClearance(const ReachArm& arm, const Eigen::VectorXd& q, const std::vector<ObstacleDistance>& obstacles) const;
   double sweptClearance(const StoredGrasp& grasp, const Eigen::Isometry3d& X_WO,
                         const std::vector<ObstacleDistance>& obstacles) const;
+  Reached reach(const StoredGrasp& grasp, const ReachArm& arm, const Eigen::Isometry3d& X_WO,
+                const std::vector<ObstacleDistance>& obstacles) const;
 
-  const Hand& hand_;
+  const Robot& robot_;
+  int armIndex_;
+  const Arm& arm_;
   ReachSettings settings_;
-  HandClearance clearance_;
+  LinkClearance hand_, links_;  // the hand alone, and the arm's moving links without it
+  std::vector<OwnObstacle> own_;
 };
 
 }  // namespace handhold

@@ -80,10 +80,10 @@ TEST_F(Score, ReachPutsWhatCannotBeDoneLast) {
   const Robot robot = loadRobot(source() + "/robots/panda");
   const ArmChain chain = makeChain(robot, 0);
   const auto ik = makeInverseKinematics(chain);
-  const ReachScorer scorer(robot.arms[0].hand);
+  const ReachScorer scorer(robot, 0);
   const Eigen::Isometry3d X_WO(Eigen::Translation3d(0.5, 0, 0.1));
-  const ReachArm arm{0, forwardKinematics(robot.body, robot.home)[robot.arms[0].baseLink], robot.arms[0].X_TH, ik.get(),
-                     Eigen::VectorXd::Zero(chain.size())};
+  const ReachArm arm{Eigen::Isometry3d::Identity(), forwardKinematics(robot.body, robot.home)[robot.arms[0].baseLink],
+                     ik.get(), robot.home};
   const auto floor = std::make_shared<SignedDistance>(makeBoxShape({2, 2, 0.1}));
   std::vector<GraspScore> scores;
   scorer.score(table_, arm, X_WO, {{floor, Eigen::Isometry3d(Eigen::Translation3d(0, 0, 0.09))}}, {}, scores);

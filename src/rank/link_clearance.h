@@ -1,6 +1,6 @@
 #pragma once
 
-#include "hand/hand.h"
+#include "hand/mechanism.h"
 #include "scene/signed_distance.h"
 
 #include <memory>
@@ -16,15 +16,16 @@ struct ObstacleDistance {
   Eigen::Isometry3d X_WS = Eigen::Isometry3d::Identity();
 };
 
-/// Distance from a whole hand to obstacles, by points on its surface at most `spacing` apart: what lies between two
-/// points is not seen, so this ranks and does not decide.
+/// Distance from links to obstacles, by points on their surfaces at most `spacing` apart: what lies between two points is
+/// not seen, so this ranks and does not decide.
 /// @note Immutable; safe from many threads.
-class HandClearance {
+class LinkClearance {
  public:
-  HandClearance(const Hand& hand, double spacing);
+  /// Of the links that `included` names (by link; all when empty).
+  LinkClearance(const Mechanism& mechanism, double spacing, const std::vector<bool>& included = {});
 
-  /// The least distance [m] of any point of the hand to any obstacle, cut at `far`; the first value <= 0 found, when
-  /// the hand reaches into one. @param X_HL  pose of every link in H (forwardKinematics)
+  /// The least distance [m] of any point to any obstacle, cut at `far`; the first value <= 0 found, when a link reaches
+  /// into one. @param X_WH  pose of the root link  @param X_HL  pose of every link in it (forwardKinematics)
   double operator()(const Eigen::Isometry3d& X_WH, const std::vector<Eigen::Isometry3d>& X_HL,
                     const std::vector<ObstacleDistance>& obstacles, double far) const;
 

@@ -1,4 +1,4 @@
-#include "rank/hand_clearance.h"
+#include "rank/link_clearance.h"
 
 #include <algorithm>
 #include <cmath>
@@ -29,19 +29,19 @@ std::vector<Eigen::Vector3d> surfacePoints(const TriangleMesh& mesh, double spac
 
 }  // namespace
 
-HandClearance::HandClearance(const Hand& hand, double spacing) {
-  for (std::size_t i = 0; i < hand.links.size(); ++i) {
-    if (hand.links[i].mesh.triangles.empty()) continue;
+LinkClearance::LinkClearance(const Mechanism& mechanism, double spacing, const std::vector<bool>& included) {
+  for (std::size_t i = 0; i < mechanism.links.size(); ++i) {
+    if (mechanism.links[i].mesh.triangles.empty() || (!included.empty() && !included[i])) continue;
     LinkPoints link;
     link.link = static_cast<int>(i);
-    link.points = surfacePoints(hand.links[i].mesh, spacing);
-    link.center = boundingBox(hand.links[i].mesh).center();
+    link.points = surfacePoints(mechanism.links[i].mesh, spacing);
+    link.center = boundingBox(mechanism.links[i].mesh).center();
     for (const Eigen::Vector3d& p : link.points) link.radius = std::max(link.radius, (p - link.center).norm());
     links_.push_back(std::move(link));
   }
 }
 
-double HandClearance::operator()(const Eigen::Isometry3d& X_WH, const std::vector<Eigen::Isometry3d>& X_HL,
+double LinkClearance::operator()(const Eigen::Isometry3d& X_WH, const std::vector<Eigen::Isometry3d>& X_HL,
                                  const std::vector<ObstacleDistance>& obstacles, double far) const {
   double least = far;
   for (const ObstacleDistance& obstacle : obstacles) {
