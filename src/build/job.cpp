@@ -24,11 +24,18 @@ std::string besides(const std::string& file, const std::string& path) {
   return (fs::path(file).parent_path() / path).lexically_normal().string();
 }
 
+double readFriction(const YamlValue& value) {
+  constexpr double kMost = 10;
+  const double friction = value.number();
+  if (friction <= 0 || friction > kMost) value.refuse(fmt::format("a number > 0 and at most {}", kMost));
+  return friction;
+}
+
 /// What may be written for a catalog entry beside its name and mesh.
 void readProperties(const YamlValue& entry, const Job& job, CatalogItem& item) {
   item.unit = readMeshUnit(entry);
   item.friction = job.friction;
-  if (const YamlValue* friction = entry.find("friction")) item.friction = friction->positiveNumber();
+  if (const YamlValue* friction = entry.find("friction")) item.friction = readFriction(*friction);
   if (const YamlValue* mass = entry.find("mass")) item.mass = mass->positiveNumber();
 }
 
@@ -92,6 +99,7 @@ void readCsv(const YamlValue& entry, const Job& job, std::vector<CatalogItem>& c
   std::istringstream lines(readFile(path));
   std::string line;
   std::vector<std::string> header;
+  const std::size_t before = catalog.size();
   for (int number = 1; std::getline(lines, line); ++number) {
     const std::vector<std::string> fields = splitCsvLine(line);
     if (line.empty() || (fields.size() == 1 && fields[0].empty())) continue;
@@ -118,7 +126,7 @@ void readCsv(const YamlValue& entry, const Job& job, std::vector<CatalogItem>& c
     item.where = row.where();
     readProperties(row, job, item);
   }
-  if (header.empty()) entry.require("csv").fail("leads to an empty file: " + path);
+  if (catalog.size() == before) entry.require("csv").fail("leads to a file without any row below its header: " + path);
 }
 
 void readCatalogEntry(const YamlValue& entry, const Job& job, std::vector<CatalogItem>& catalog) {
@@ -209,7 +217,7 @@ void readQuality(const YamlValue& quality, Job& job) {
   quality.allowKeys({"friction", "cone_edges", "contact_distance", "load_margin", "robustness"});
   if (const YamlValue* margin = quality.find("load_margin")) readLoadMargin(*margin, job.loadMargin);
   if (const YamlValue* robustness = quality.find("robustness")) readRobustness(*robustness, job.robustness);
-  if (const YamlValue* friction = quality.find("friction")) job.friction = friction->positiveNumber();
+  if (const YamlValue* friction = quality.find("friction")) job.friction = readFriction(*friction);
   if (const YamlValue* edges = quality.find("cone_edges")) job.coneEdges = edges->integer(3, 64);
   if (const YamlValue* distance = quality.find("contact_distance")) {
     job.contactDistance = distance->number();
@@ -248,10 +256,12 @@ Job parseJobSettings(const std::string& text, const std::string& name) {
   return job;
 }
 
-Job loadJob(const std::string& path) {
+Job loadJob(const std::string& path) { return parseJob(readFile(path), path); }
+
+Job parseJob(const std::string& text, const std::string& path) {
   Job job;
   job.path = path;
-  job.text = readFile(path);
+  job.text = text;
   const YamlValue top = YamlValue::parseText(job.text, path);
   readSettings(top, job);
   for (const YamlValue& entry : top.require("catalog").items()) readCatalogEntry(entry, job, job.catalog);

@@ -65,6 +65,9 @@ struct Job {
 /// @throws InputError  FILE:LINE: KEY ..., for every unknown key, wrong value, repeated name or missing folder
 Job loadJob(const std::string& path);
 
+/// The same of a text; the paths in it are relative to `path`, of which only the name is used.
+Job parseJob(const std::string& text, const std::string& path);
+
 /// The settings in a job's text, as a set has it: everything but the catalog and the hands, whose files may be gone.
 /// `name` begins messages. @throws InputError
 Job parseJobSettings(const std::string& text, const std::string& name);

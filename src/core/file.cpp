@@ -53,8 +53,10 @@ void syncFolderOf(const fs::path& file) {
 
 std::string readFile(const fs::path& path) {
   std::error_code error;
-  if (fs::is_directory(path, error)) {
-    throw InputError(fmt::format("{}: cannot be read: is a folder", path.string()));
+  const fs::file_status status = fs::status(path, error);
+  if (fs::exists(status) && !fs::is_regular_file(status)) {  // a pipe may wait for ever, a device may never end
+    throw InputError(fmt::format("{}: cannot be read: is {}", path.string(),
+                                 fs::is_directory(status) ? "a folder" : "not a regular file"));
   }
   errno = 0;
   std::ifstream stream(path, std::ios::binary);
@@ -135,7 +137,7 @@ void requireName(std::string_view name, std::string_view where, std::string_view
     good = good && (std::isalnum(static_cast<unsigned char>(c)) != 0 || std::strchr("._-+", c) != nullptr) && c != '\0';
   }
   if (!good) {
-    std::string shown(name);
+    std::string shown(name.substr(0, 100));
     std::replace_if(
         shown.begin(), shown.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, '?');
     throw InputError(

@@ -4,11 +4,13 @@
 #include "core/file.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cmath>
 #include <cstdlib>
 
 #include <fmt/format.h>
+#include <yaml-cpp/depthguard.h>
 #include <yaml-cpp/yaml.h>
 
 namespace handhold {
@@ -52,11 +54,10 @@ struct YamlValue::Parser {
 
 namespace {
 
-/// Messages stay one line, whatever the file holds.
-std::string oneLine(std::string message) {
-  const auto breaksLine = [](char c) { return c == '\n' || c == '\r' || c == '\0'; };
-  std::replace_if(message.begin(), message.end(), breaksLine, ' ');
-  return message;
+/// Texts and keys in messages: what is wanted stands behind them.
+std::string shortened(const std::string& text) {
+  constexpr std::size_t kLongest = 60;
+  return text.size() <= kLongest ? text : text.substr(0, kLongest - 3) + "...";
 }
 
 /// YAML::Load reads the first document and drops the others (YAML::LoadAll does not end on some broken files).
@@ -85,9 +86,10 @@ YamlValue YamlValue::parseText(std::string_view text, const std::string& fileNam
     if (value.kind_ == Kind::null) throw InputError(fmt::format("{}: is empty, want keys and values", fileName));
     refuseSecondDocument(text, fileName, firstLine);
     return value;
+  } catch (const YAML::DeepRecursion& error) {
+    throw InputError(fmt::format("{}:{}: is nested too deeply", fileName, error.mark.line + firstLine));
   } catch (const YAML::Exception& error) {
-    throw InputError(
-        oneLine(fmt::format("{}:{}: is no valid YAML: {}", fileName, error.mark.line + firstLine, error.msg)));
+    throw InputError(fmt::format("{}:{}: is no valid YAML: {}", fileName, error.mark.line + firstLine, error.msg));
   }
 }
 
@@ -98,7 +100,7 @@ std::string YamlValue::found() const {
     case Kind::null:
       return "empty";
     case Kind::scalar:
-      return scalar_.size() <= 60 ? "\"" + scalar_ + "\"" : "\"" + scalar_.substr(0, 57) + "...\"";
+      return "\"" + shortened(scalar_) + "\"";
     case Kind::sequence:
       return fmt::format("a list of {}", items_.size());
     case Kind::map:
@@ -110,7 +112,7 @@ std::string YamlValue::found() const {
 void YamlValue::refuse(std::string_view wanted) const { fail(fmt::format("is {}, want {}", found(), wanted)); }
 
 void YamlValue::fail(std::string_view message) const {
-  throw InputError(oneLine(fmt::format("{}: {} {}", where(), key_.empty() ? "the file" : key_, message)));
+  throw InputError(fmt::format("{}: {} {}", where(), key_.empty() ? "the file" : shortened(key_), message));
 }
 
 void YamlValue::allowKeys(std::initializer_list<std::string_view> keys) const {
@@ -146,6 +148,8 @@ const std::vector<YamlValue>& YamlValue::items() const {
 
 std::string YamlValue::text() const {
   if (kind_ != Kind::scalar || scalar_.empty()) refuse("a text");
+  const auto isControl = [](unsigned char c) { return std::iscntrl(c) != 0; };
+  if (std::any_of(scalar_.begin(), scalar_.end(), isControl)) refuse("a text of one line without control characters");
   return scalar_;
 }
 
@@ -193,8 +197,8 @@ Eigen::Vector3d YamlValue::vector3() const {
 
 Eigen::Vector3d YamlValue::direction() const {
   const Eigen::Vector3d value = vector3();
-  if (value.norm() < 1e-9) refuse("a direction [x, y, z] that is not zero");
-  return value.normalized();
+  if (value.stableNorm() < 1e-9) refuse("a direction [x, y, z] that is not zero");
+  return value.stableNormalized();
 }
 
 Eigen::Isometry3d YamlValue::pose() const {

@@ -38,6 +38,20 @@ int jointIndex(const Hand& hand, const std::string& name, const YamlValue& value
   value.fail(fmt::format("names the joint \"{}\", want a moving joint of the hand: {}", name, fmt::join(names, ", ")));
 }
 
+/// How far a joint may be from 0 where the hand moves it, whatever its limits. [rad or m]
+double farthest(const Joint& joint) {
+  constexpr double kMostTurn = 100;
+  return joint.type == JointType::prismatic ? kFarthest : kMostTurn;
+}
+
+Eigen::Vector3d readPoint(const YamlValue& value) {
+  const Eigen::Vector3d point = value.vector3();
+  if (point.cwiseAbs().maxCoeff() > kFarthest) {
+    value.refuse(fmt::format("three numbers of metres from {} to {}", -kFarthest, kFarthest));
+  }
+  return point;
+}
+
 void readPalm(const YamlValue& palm, Hand& hand) {
   palm.allowKeys({"link", "position", "approach", "closing"});
   hand.palmLink = linkIndex(hand, palm.require("link"));
@@ -47,7 +61,7 @@ void readPalm(const YamlValue& palm, Hand& hand) {
   hand.X_LG.linear().col(2) = approach;
   hand.X_LG.linear().col(1) = approach.cross(closing).normalized();
   hand.X_LG.linear().col(0) = hand.X_LG.linear().col(1).cross(approach);
-  hand.X_LG.translation() = palm.require("position").vector3();
+  hand.X_LG.translation() = readPoint(palm.require("position"));
 }
 
 /// Every independent joint that is not named is at 0, which must be inside its limits.
@@ -55,7 +69,10 @@ Preshape readPreshape(const YamlValue& entry, const Hand& hand) {
   entry.allowKeys({"name", "joints", "standoff"});
   Preshape preshape;
   preshape.name = entry.require("name").text();
-  if (const YamlValue* standoff = entry.find("standoff")) preshape.standoff = standoff->numberAtLeast(0);
+  if (const YamlValue* standoff = entry.find("standoff")) {
+    preshape.standoff = standoff->numberAtLeast(0);
+    if (preshape.standoff > kFarthest) standoff->refuse(fmt::format("at most {} m", kFarthest));
+  }
   Eigen::VectorXd q = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hand.joints.size()));
   std::vector<bool> given(hand.joints.size(), false);
   for (const auto& [name, value] : entry.require("joints").entries()) {
@@ -71,12 +88,13 @@ Preshape readPreshape(const YamlValue& entry, const Hand& hand) {
   for (std::size_t i = 0; i < hand.joints.size(); ++i) {
     const Joint& joint = hand.joints[i];
     const double position = preshape.jointPosition[i];
-    if (position >= joint.lower - kLimitSlack && position <= joint.upper + kLimitSlack) continue;
+    const double lower = std::max(joint.lower, -farthest(joint)), upper = std::min(joint.upper, farthest(joint));
+    if (position >= lower - kLimitSlack && position <= upper + kLimitSlack) continue;
     entry.fail(fmt::format("{} {} at {}, want it within {} .. {}",
                            joint.mimicOf >= 0 ? "puts the mimic joint"
                            : given[i]         ? "puts the joint"
                                               : "leaves the joint",
-                           joint.name, position, joint.lower, joint.upper));
+                           joint.name, position, lower, upper));
   }
   return preshape;
 }
@@ -105,6 +123,11 @@ ClosingJoint readClosing(const YamlValue& entry, const Hand& hand) {
   if (!std::isfinite(limit)) {
     entry.fail(
         fmt::format("closes the joint {}, which has no limit in that direction, want one in the URDF", joint.name));
+  }
+  if (std::abs(limit) > farthest(joint)) {
+    entry.fail(
+        fmt::format("closes the joint {}, whose limit in that direction is {}, want one from {} to {} in the URDF",
+                    joint.name, limit, -farthest(joint), farthest(joint)));
   }
   if (const YamlValue* breakaway = entry.find("breakaway")) readBreakaway(*breakaway, hand, closing);
   if (const YamlValue* centering = entry.find("self_centering")) closing.selfCentering = centering->boolean();
@@ -183,7 +206,7 @@ void configure(const YamlValue& top, Hand& hand) {
   if (const YamlValue* tcp = top.find("tcp")) {
     tcp->allowKeys({"link", "position"});
     hand.tcpLink = linkIndex(hand, tcp->require("link"));
-    hand.p_LT = tcp->require("position").vector3();
+    hand.p_LT = readPoint(tcp->require("position"));
   } else {
     hand.tcpLink = hand.palmLink;
     hand.p_LT = hand.X_LG.translation();

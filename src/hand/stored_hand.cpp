@@ -60,9 +60,8 @@ std::vector<Eigen::Isometry3d> linkPosesFromUrdf(const std::string& urdfText, co
     auto link = model->getLink(name);
     if (link == nullptr) throw InputError(fmt::format("{}: has no link {}", kName, name));
     Eigen::Isometry3d X = Eigen::Isometry3d::Identity();
-    // A URDF can hold a ring of links beside its tree: more steps than links lead nowhere either.
-    for (std::size_t steps = 0; link->name != linkNames[0]; link = link->getParent(), ++steps) {
-      if (link->parent_joint == nullptr || steps > model->links_.size()) {
+    for (; link->name != linkNames[0]; link = link->getParent()) {
+      if (link->parent_joint == nullptr) {
         throw InputError(fmt::format("{}: link {} is not below {}, the root link", kName, name, linkNames[0]));
       }
       X = childPose(*link->parent_joint, positions) * X;

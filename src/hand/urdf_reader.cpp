@@ -22,14 +22,61 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Collects what urdfdom would print.
-class MessageCollector : public console_bridge::OutputHandler {
+constexpr std::size_t kMostLinks = 1000;
+constexpr int kDeepestXml = 100;
+
+/// Keeps the first two errors that urdfdom would print: the second often says where the first one is.
+class ErrorCollector : public console_bridge::OutputHandler {
  public:
   void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
-    if (level >= console_bridge::CONSOLE_BRIDGE_LOG_WARN && first.empty()) first = text;
+    if (level < console_bridge::CONSOLE_BRIDGE_LOG_ERROR || ++count_ > 2) return;
+    errors += (errors.empty() ? "" : "; ") + text;
   }
-  std::string first;
+  std::string errors;
+
+ private:
+  int count_ = 0;
 };
+
+/// urdfdom's XML reader calls itself for every level.
+void refuseDeepXml(const std::string& path, std::string_view text) {
+  int depth = 0;
+  for (std::size_t at = text.find('<'); at != std::string_view::npos; at = text.find('<', at)) {
+    const bool isComment = text.substr(at, 4) == "<!--";
+    const std::size_t end = isComment ? text.find("-->", at) : text.find('>', at);
+    if (end == std::string_view::npos) return;
+    const char kind = text[at + 1];
+    if (kind == '/') --depth;
+    if (kind != '/' && kind != '!' && kind != '?' && text[end - 1] != '/') ++depth;
+    if (depth > kDeepestXml) {
+      throw InputError(fmt::format("{}: nests elements more than {} deep, want fewer", path, kDeepestXml));
+    }
+    at = end;
+  }
+}
+
+/// urdfdom lets a link have two parents, and rings stand beside the tree.
+void requireTree(const std::string& path, const urdf::ModelInterface& model) {
+  if (model.links_.size() > kMostLinks) {
+    throw InputError(fmt::format("{}: has {} links, want at most {}", path, model.links_.size(), kMostLinks));
+  }
+  std::map<std::string, const urdf::Joint*> jointAbove;
+  for (const auto& [name, joint] : model.joints_) {
+    const auto [entry, isFirst] = jointAbove.try_emplace(joint->child_link_name, joint.get());
+    if (!isFirst) {
+      throw InputError(fmt::format("{}: link {} is the child of joint {} and of joint {}, want one", path,
+                                   joint->child_link_name, entry->second->name, name));
+    }
+  }
+  for (const auto& [name, link] : model.links_) {
+    std::size_t steps = 0;
+    for (auto above = jointAbove.find(name); above != jointAbove.end();
+         above = jointAbove.find(above->second->parent_link_name)) {
+      if (++steps <= model.links_.size()) continue;
+      throw InputError(fmt::format("{}: link {} is in a ring of joints, or below one, want a tree", path, name));
+    }
+  }
+}
 
 /// A .xacro file is a program that writes a URDF; we do not run it.
 void refuseXacro(const std::string& path, const std::string& text) {
@@ -138,7 +185,18 @@ struct Reader {
     if (!fs::exists(file)) {
       refuse(fmt::format("link {}: mesh {} does not exist, want a mesh file", linkName, file));
     }
-    return loadMesh(file, {mesh.scale.x, mesh.scale.y, mesh.scale.z});
+    const Eigen::Vector3d scale(mesh.scale.x, mesh.scale.y, mesh.scale.z);
+    if (scale.prod() == 0) refuse(fmt::format("link {}: mesh scale has a 0, want none", linkName));
+    return loadMesh(file, scale);
+  }
+
+  void requireNear(const Eigen::Vector3d& point, const std::string& what) const {
+    const double distance = point.cwiseAbs().maxCoeff();
+    if (distance <= kFarthest) return;
+    refuse(
+        fmt::format("{} reaches {} m from its frame, want at most {} m (a mesh in millimetres needs "
+                    "scale=\"0.001 0.001 0.001\")",
+                    what, distance, kFarthest));
   }
 
   /// All pieces of a link as one mesh in the link frame, rounded as the database stores it.
@@ -158,6 +216,7 @@ struct Reader {
     for (const auto& [geometry, X_LP] : pieces) {
       append(link.mesh, geometryMesh(*geometry, link.name), X_LP);
     }
+    for (const auto& vertex : link.mesh.vertices) requireNear(vertex, "link " + link.name);
     roundToFloat(link.mesh);
   }
 
@@ -188,6 +247,7 @@ struct Reader {
     joint.upper = source.limits->upper;
     joint.effort = source.limits->effort;
     joint.velocity = source.limits->velocity;
+    if (joint.effort < 0) refuse(fmt::format("joint {}: effort is {}, want >= 0", source.name, joint.effort));
     if (!(joint.lower <= joint.upper)) {
       refuse(fmt::format("joint {}: lower limit {} is above upper limit {}", source.name, joint.lower, joint.upper));
     }
@@ -223,6 +283,7 @@ struct Reader {
     const int index = static_cast<int>(mechanism.links.size());
     if (toParent != nullptr) {
       link.X_PL = toPose(toParent->parent_to_joint_origin_transform);
+      requireNear(link.X_PL.translation(), "joint " + toParent->name);
       link.joint = addJoint(*toParent, parentLink, index);
     }
     readGeometry(source, link);
@@ -263,13 +324,17 @@ struct Reader {
   }
 };
 
-}  // namespace
+std::string withDoubledPercents(const std::string& text) {
+  std::string result;
+  for (const char c : text) result += c == '%' ? std::string("%%") : std::string(1, c);
+  return result;
+}
 
-std::shared_ptr<urdf::ModelInterface> parseUrdf(const std::string& path, const std::string& text) {
-  static std::mutex parserMutex;  // guards console_bridge's process-wide output handler
-  const std::lock_guard lock(parserMutex);
-  MessageCollector messages;
-  console_bridge::useOutputHandler(&messages);
+/// The model, which has a root. Safe from one thread at a time: console_bridge's output handler is the process's.
+std::shared_ptr<urdf::ModelInterface> parseLogged(const std::string& path, const std::string& text) {
+  ErrorCollector log;
+  console_bridge::setLogLevel(console_bridge::CONSOLE_BRIDGE_LOG_ERROR);
+  console_bridge::useOutputHandler(&log);
   urdf::ModelInterfaceSharedPtr model;
   std::string reason;
   try {
@@ -278,12 +343,25 @@ std::shared_ptr<urdf::ModelInterface> parseUrdf(const std::string& path, const s
     reason = error.what();
   }
   console_bridge::restorePreviousOutputHandler();
-  if (model == nullptr || model->getRoot() == nullptr) {
-    if (!messages.first.empty()) reason = messages.first;
+  // A shape that it cannot read is an error in its log, and missing in the model.
+  if (model == nullptr || model->getRoot() == nullptr || !log.errors.empty()) {
+    if (!log.errors.empty()) reason = log.errors;
     if (reason.empty()) reason = "the parser gave no reason";
-    std::replace(reason.begin(), reason.end(), '\n', ' ');
     throw InputError(fmt::format("{}: is no valid URDF: {}", path, reason));
   }
+  return model;
+}
+
+}  // namespace
+
+std::shared_ptr<urdf::ModelInterface> parseUrdf(const std::string& path, const std::string& text) {
+  static std::mutex parserMutex;  // guards console_bridge
+  const std::lock_guard lock(parserMutex);
+  refuseDeepXml(path, text);
+  // urdfdom logs a number that it cannot read as a format of printf, which would follow its % to anywhere.
+  if (text.find('%') != std::string::npos) parseLogged(path, withDoubledPercents(text));
+  const auto model = parseLogged(path, text);
+  requireTree(path, *model);
   return model;
 }
 

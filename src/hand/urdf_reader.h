@@ -8,6 +8,9 @@
 
 namespace handhold {
 
+/// Nothing of a hand or a robot is farther from anything else of it [m]: more is a mistake in the unit.
+inline constexpr double kFarthest = 10;
+
 /// Fills `mechanism` with the subtree of the URDF below `rootLink` (the URDF's own root when empty).
 /// Geometry is each link's <collision>, or its <visual> when it has none; links in `ignoreLinks` get none.
 /// @throws InputError  naming the file and the element

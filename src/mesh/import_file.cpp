@@ -32,6 +32,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kSpaces = " \t\r\n\v\f";
+constexpr std::size_t kMostReason = 160;  // letters
 constexpr const char* kFormats = "obj, stl, ply, glb, gltf, dae, off, 3ds, fbx";
 
 /// A refusal without its path, which importFile adds.
@@ -73,8 +74,9 @@ std::optional<Number> parse(std::string_view word) {
   if (!word.empty() && word[0] == '+') word.remove_prefix(1);
   Number number{};
   const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
-  // A number too small for a double is a zero to us; one too large is left for the check of finiteness.
-  if (error == std::errc::invalid_argument || end != word.data() + word.size()) return std::nullopt;
+  // A double too small is a zero to us; one too large is left for the check of finiteness.
+  const bool isWrong = std::is_integral_v<Number> ? error != std::errc() : error == std::errc::invalid_argument;
+  if (isWrong || end != word.data() + word.size()) return std::nullopt;
   return number;
 }
 
@@ -254,7 +256,7 @@ bool takePlyItem(PlyData& data, const PlyElement& element, std::uint64_t item, s
     for (std::uint64_t k = 0; static_cast<double>(k) < count; ++k) {
       const auto value = data.take(property.type);
       if (!value) return false;
-      if (isFace && !(*value >= 0 && *value < static_cast<double>(nVertices))) {
+      if (isFace && !(*value >= 0 && *value < static_cast<double>(nVertices) && std::floor(*value) == *value)) {
         refuse(fmt::format("has vertex index {} in face {}, want 0 to {}", *value, item,
                            static_cast<double>(nVertices) - 1));
       }
@@ -435,6 +437,23 @@ std::string_view between(std::string_view text, std::string_view begin, char end
   return trim(text.substr(0, text.find(end)));
 }
 
+/// assimp makes room for as many numbers as an attribute says, and drops the sign of a negative index.
+void checkCollada(std::string_view text) {
+  for (std::size_t at = text.find("count=\""); at != std::string_view::npos; at = text.find("count=\"", at + 1)) {
+    const std::string_view count = between(text.substr(at), "count=\"", '"');
+    if (parse<std::uint64_t>(count).value_or(text.size() + 1) <= text.size()) continue;
+    refuse(fmt::format("has count=\"{}\" in {} bytes, want a whole number of what is there", count.substr(0, 40),
+                       text.size()));
+  }
+  for (std::size_t at = text.find("<p>"); at != std::string_view::npos; at = text.find("<p>", at + 1)) {
+    const std::string_view indices = between(text.substr(at), "<p>", '<');
+    const std::size_t sign = indices.find('-');
+    if (sign == std::string_view::npos) continue;
+    std::string_view rest = indices.substr(sign);
+    refuse(fmt::format("has the index {} in a <p>, want 0 or more", takeWord(rest)));
+  }
+}
+
 /// Notes what the file says, and renames the unit's factor so that assimp, which has no option for it, does not see it.
 void neutraliseCollada(std::string& text, std::vector<std::string>& notes) {
   const std::string_view up = between(text, "<up_axis>", '<');
@@ -540,7 +559,7 @@ class IndexWarnings : public Assimp::LogStream {
   void write(const char* message) override {
     const std::string text = lower(message);
     const auto has = [&](const char* part) { return text.find(part) != std::string::npos; };
-    if (!has("out of range") && !has("out-of-range") && !has("out of bounds")) return;
+    if (!has("out of range") && !has("out-of-range") && !has("out of bounds") && !has("index overflow")) return;
     seen_ = seen_ || (!has("material") && !has("color") && !has("uv ") && !has("normal"));
   }
   bool seen() const { return seen_; }
@@ -581,8 +600,7 @@ const aiScene& readScene(Assimp::Importer& importer, const std::string& path, co
   if (scene != nullptr && scene->mRootNode != nullptr) return *scene;
   std::string reason = importer.GetErrorString();
   if (reason.find("bad_alloc") != std::string::npos) throw std::bad_alloc();
-  std::replace_if(
-      reason.begin(), reason.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
+  if (reason.size() > kMostReason) reason = reason.substr(0, kMostReason) + "...";  // assimp may quote the whole file
   refuse(fmt::format("is not a readable {} file: {}", extension, reason.empty() ? "no reason given" : reason));
 }
 
@@ -592,6 +610,7 @@ std::string prepareContent(const std::string& path, const std::string& extension
   checkContent(extension, content);
   if (extension == "obj") return reduceObj(content);
   if (extension != "dae") return {};
+  checkCollada(content);
   neutraliseCollada(content, notes);
   return content;
 }

@@ -271,7 +271,8 @@ std::optional<Touch> CollisionWorld::robotTouches(int arm, const std::vector<Eig
     const int handLink = pairs.handLinkOf[i];
     const bool mayTouch =
         rule == TargetRule::contact && handLink >= 0 && impl_->robot.arms[arm].hand.links[handLink].contactAllowed;
-    if (auto touch = impl_->linkTouches(static_cast<int>(i), {impl_->links[i].get(), X_WL[i]}, goal, mayTouch, margin, targetMargin(handLink >= 0, margin)))
+    if (auto touch = impl_->linkTouches(static_cast<int>(i), {impl_->links[i].get(), X_WL[i]}, goal, mayTouch, margin,
+                                        targetMargin(handLink >= 0, margin)))
       return touch;
   }
   for (const auto& [a, b] : pairs.inRobot) {

@@ -41,8 +41,8 @@ class CollisionWorld {
   void setObstacles(const std::vector<Obstacle>& obstacles);
   void setTarget(const TriangleMesh& mesh, bool watertight, const std::string& name);
 
-  /// `margin` is kept to everything but between hand and target, where 1 mm is enough, and between the robot's own links,
-  /// where it is 0.
+  /// `margin` is kept to everything but between hand and target, where 1 mm is enough, and between the robot's own
+  /// links, where it is 0.
 
   /// Hand alone, links of the hand at X_WL: against obstacles, the target and, between links apart in its preshapes,
   /// itself. @param X_WL  by link of the arm's hand

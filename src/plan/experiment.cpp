@@ -198,20 +198,26 @@ void countTests(const Robot& robot, const Ranking& paper, const Ranking& reach, 
   count("without_ge", c.c1, c.c2, 0);
 }
 
-SceneTrial runScene(Planner& planner, const SceneMaker& maker, const std::string& object, int index,
-                    const RandomStream& stream, const ExperimentOptions& options,
-                    const std::map<std::string, std::vector<std::uint32_t>>& external) {
+std::string drawScene(Planner& planner, const SceneMaker& maker, const RandomStream& stream,
+                      const ExperimentOptions& options) {
   const ObjectMeshes meshes = [&](const std::string& name) { return planner.objectMesh(name); };
   const auto take = [&](const std::string& yaml) {
     planner.setScene(readScene(YamlValue::parseText(yaml, "scene"), "", meshes));
   };
-  SceneTrial trial;
-  trial.name = fmt::format("{}_{}_{:03}", planner.robot().name, object, index);
-  trial.yaml = maker.make(stream.child(0), [&](const std::string& head) {
+  const std::string yaml = maker.make(stream.child(0), [&](const std::string& head) {
     take(head);
     return planner.reachableShare() >= options.minReachable;
   });
-  take(trial.yaml);
+  take(yaml);
+  return yaml;
+}
+
+SceneTrial runScene(Planner& planner, const SceneMaker& maker, const std::string& object, int index,
+                    const RandomStream& stream, const ExperimentOptions& options,
+                    const std::map<std::string, std::vector<std::uint32_t>>& external) {
+  SceneTrial trial;
+  trial.name = fmt::format("{}_{}_{:03}", planner.robot().name, object, index);
+  trial.yaml = drawScene(planner, maker, stream, options);
   const Ranking paper = planner.rank(ScoreKind::paper), reach = planner.rank(ScoreKind::reach);
   trial.grasps = paper.grasps.size();
   trial.paper.resize(trial.grasps);
@@ -321,6 +327,13 @@ ExperimentCell runExperiment(const std::function<Planner()>& makePlanner, const 
   for (std::thread& worker : workers) worker.join();
   if (failure) std::rethrow_exception(failure);
   return cell;
+}
+
+std::string takeRandomScene(Planner& planner, const std::string& object, int index, const ExperimentOptions& options) {
+  const SceneMaker maker(planner.robot(), object, planner.objectMesh(object), options);
+  return drawScene(planner, maker,
+                   streamOf(options.seed, planner.robot().name, object).child(static_cast<std::uint64_t>(index)),
+                   options);
 }
 
 std::size_t testsWith(const SceneTrial& trial, double c1, double c2, double c3) {

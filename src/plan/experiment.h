@@ -61,6 +61,9 @@ ExperimentCell runExperiment(const std::function<Planner()>& makePlanner, const 
                              const ExperimentOptions& options, int threads,
                              const std::map<std::string, std::vector<std::uint32_t>>& externalOrder = {});
 
+/// Puts the planner in front of scene `index` of a cell, and returns its file.
+std::string takeRandomScene(Planner& planner, const std::string& object, int index, const ExperimentOptions& options);
+
 OrderSummary summarise(const ExperimentCell& cell, const std::string& order, std::uint64_t seed);
 
 /// Tests until the first valid grasp of a scene when the paper's score has other coefficients.

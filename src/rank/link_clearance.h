@@ -16,8 +16,8 @@ struct ObstacleDistance {
   Eigen::Isometry3d X_WS = Eigen::Isometry3d::Identity();
 };
 
-/// Distance from links to obstacles, by points on their surfaces at most `spacing` apart: what lies between two points is
-/// not seen, so this ranks and does not decide.
+/// Distance from links to obstacles, by points on their surfaces at most `spacing` apart: what lies between two points
+/// is not seen, so this ranks and does not decide.
 /// @note Immutable; safe from many threads.
 class LinkClearance {
  public:

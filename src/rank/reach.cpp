@@ -122,7 +122,8 @@ void ReachScorer::score(const GraspTable& table, const ReachArm& arm, const Eige
     const Reached reached = exact ? reach(grasp, arm, X_WO, obstacles) : Reached{0.5f, settings_.far};
     score.gb = reached.gb;
     if (score.gb > 0 && reached.clearance > 0) {
-      score.ge = static_cast<float>(std::min(reached.clearance, sweptClearance(grasp, X_WO, obstacles)) / settings_.far);
+      score.ge =
+          static_cast<float>(std::min(reached.clearance, sweptClearance(grasp, X_WO, obstacles)) / settings_.far);
     }
     scores.push_back(score);
   }

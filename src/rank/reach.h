@@ -30,11 +30,11 @@ struct ReachSettings {
 ///
 ///     G = 4 Gb + (c1 Gq + c3 Ge) / (c1 + c3)  when Ge > 0, else Gq / 1000                                       (1)
 ///
-/// Gb: inverse kinematics has a solution at the grasp and one near it at the pre-grasp (1), at the grasp alone (1/2), has
-/// none (0). Without a closed form it is asked for the best `numericChecks` grasps by the other terms; the rest have 1/2.
-/// Ge: the least distance to obstacles of the whole hand, swept from pre-grasp to grasp and in its final posture, and of
-/// the arm in the best of its solutions, in parts of `far`; 0 where it reaches into one, or the arm into the rest of the
-/// robot. No grasp is left out: those that fail stand at the end.
+/// Gb: inverse kinematics has a solution at the grasp and one near it at the pre-grasp (1), at the grasp alone (1/2),
+/// has none (0). Without a closed form it is asked for the best `numericChecks` grasps by the other terms; the rest
+/// have 1/2. Ge: the least distance to obstacles of the whole hand, swept from pre-grasp to grasp and in its final
+/// posture, and of the arm in the best of its solutions, in parts of `far`; 0 where it reaches into one, or the arm
+/// into the rest of the robot. No grasp is left out: those that fail stand at the end.
 /// @note Const; safe from many threads.
 class ReachScorer {
  public:
@@ -54,7 +54,8 @@ class ReachScorer {
     std::shared_ptr<const SignedDistance> distance;
     LinkClearance links;
   };
-  double armClearance(const ReachArm& arm, const Eigen::VectorXd& q, const std::vector<ObstacleDistance>& obstacles) const;
+  double armClearance(const ReachArm& arm, const Eigen::VectorXd& q,
+                      const std::vector<ObstacleDistance>& obstacles) const;
   double sweptClearance(const StoredGrasp& grasp, const Eigen::Isometry3d& X_WO,
                         const std::vector<ObstacleDistance>& obstacles) const;
   Reached reach(const StoredGrasp& grasp, const ReachArm& arm, const Eigen::Isometry3d& X_WO,

@@ -166,6 +166,12 @@ Shape shapeOfSpace(hid_t space) {
   return {lengths.begin(), lengths.end()};
 }
 
+/// As db/FORMAT.md has every dataset; a forged one could lead to any file of the reader's.
+bool isContiguous(hid_t dataset) {
+  const Handle creation(H5Dget_create_plist(dataset), H5Pclose);
+  return H5Pget_layout(creation) == H5D_CONTIGUOUS && H5Pget_external_count(creation) == 0;
+}
+
 /// Texts that HDF5 allocated, given back to it at the end.
 struct OwnedTexts {
   std::vector<char*> pointers;
@@ -270,6 +276,7 @@ Shape Hdf5View::shapeOf(const std::string& path, NumberType type) const {
   if (H5Tequal(found, hdf5Type(type)) <= 0) {
     refuse(fmt::format("{} is of type {}, want {}", path, typeText(static_cast<hid_t>(found)), typeText(type)));
   }
+  if (!isContiguous(dataset)) refuse(fmt::format("{} is in pieces or elsewhere, want it whole in this file", path));
   const Handle space(H5Dget_space(dataset), H5Sclose);
   const Shape shape = shapeOfSpace(space);
   std::size_t room = fileBytes_;
@@ -309,6 +316,7 @@ std::vector<std::string> Hdf5View::texts(const std::string& path) const {
   if (H5Tis_variable_str(found) <= 0) {
     refuse(fmt::format("{} is of type {}, want text", path, typeText(static_cast<hid_t>(found))));
   }
+  if (!isContiguous(dataset)) refuse(fmt::format("{} is in pieces or elsewhere, want it whole in this file", path));
   const Handle space(H5Dget_space(dataset), H5Sclose);
   const hssize_t count = H5Sget_simple_extent_npoints(space);
   if (H5Sget_simple_extent_ndims(space) > 1) refuse(fmt::format("{} is a table, want one dimension", path));

@@ -26,7 +26,9 @@ namespace fs = std::filesystem;
 /// A file opened for reading.
 class InputFile {
  public:
-  explicit InputFile(const fs::path& path) : path_(path), descriptor_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
+  explicit InputFile(const fs::path& path)
+      : path_(path),
+        descriptor_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {  // a pipe would make it wait
     if (descriptor_ < 0) refuse(path_, fmt::format("cannot be read: {}", std::strerror(errno)));
   }
   ~InputFile() { ::close(descriptor_); }

@@ -1,17 +1,16 @@
 // Times the load margin: CHOLMOD, the same method with a dense factor, the tasks one by one, and CLP, on the same
 // instances in one run. Every call gets another instance.
 //
-//     bench_load [--json] [--quick]
+//     bench_load [--json [FILE]] [--quick]
 #include "bench/clp_load.h"
 #include "bench/grasp_like_actuation.h"
+#include "bench/options.h"
 #include "bench/timings.h"
 #include "quality/load_margin.h"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <ctime>
-#include <string_view>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -183,19 +182,9 @@ void printTable(const ordered_json& report) {
 }
 
 int run(int argc, char** argv) {
-  bool asJson = false;
-  Sizes sizes;
-  for (int i = 1; i < argc; ++i) {
-    const std::string_view option = argv[i];
-    if (option == "--json") {
-      asJson = true;
-    } else if (option == "--quick") {
-      sizes = {3, 10, 1};
-    } else {
-      fmt::print(stderr, "usage: bench_load [--json] [--quick]\n");
-      return 2;
-    }
-  }
+  const auto options = bench::parseOptions(argc, argv, "bench_load");
+  if (!options) return 2;
+  const Sizes sizes = options->quick ? Sizes{3, 10, 1} : Sizes{};
   ordered_json report = {{"machine",
                           {{"cpu", bench::cpuModel()},
                            {"compiler", __VERSION__},
@@ -206,11 +195,7 @@ int run(int argc, char** argv) {
                            {"repeats", sizes.repeats}}},
                          {"results", ordered_json::array()}};
   for (const Case& some : kCases) report["results"].push_back(benchOne(some, sizes));
-  if (asJson) {
-    fmt::print("{}\n", report.dump(2));
-  } else {
-    printTable(report);
-  }
+  if (bench::writeReport(report, *options)) printTable(report);
   return 0;
 }
 

@@ -5,6 +5,7 @@
 //
 // Prints tables; `--json` prints JSON instead, `--json FILE` writes it beside the tables. Every timed trial is another
 // candidate: a repeated one trains the branch predictor. With HANDHOLD_DATA more hands and OpenRAVE's mug are added.
+#include "bench/options.h"
 #include "build/build_set.h"
 #include "build/evaluate.h"
 #include "core/file.h"
@@ -23,7 +24,6 @@
 #include <numeric>
 #include <set>
 #include <string>
-#include <string_view>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -692,28 +692,11 @@ void printTables(const ordered_json& report) {
 }
 
 int run(int argc, char** argv) {
-  bool asJson = false;
-  std::string jsonFile;
-  Sizes sizes;
-  for (int i = 1; i < argc; ++i) {
-    const std::string_view option = argv[i];
-    if (option == "--json") {
-      asJson = true;
-      if (i + 1 < argc && argv[i + 1][0] != '-') jsonFile = argv[++i];
-    } else if (option == "--quick") {
-      sizes = kQuick;
-    } else {
-      fmt::print(stderr, "usage: bench_policy [--json [FILE]] [--quick]\n");
-      return 2;
-    }
-  }
+  const auto options = bench::parseOptions(argc, argv, "bench_policy");
+  if (!options) return 2;
+  const Sizes sizes = options->quick ? kQuick : Sizes{};
   const ordered_json report = benchAll(sizes);
-  if (!jsonFile.empty()) std::ofstream(jsonFile) << report.dump(2) << '\n';
-  if (asJson && jsonFile.empty()) {
-    fmt::print("{}\n", report.dump(2));
-  } else {
-    printTables(report);
-  }
+  if (bench::writeReport(report, *options)) printTables(report);
   return 0;
 }
 

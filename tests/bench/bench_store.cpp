@@ -5,6 +5,7 @@
 //
 // Prints tables; `--json` prints JSON instead, `--json FILE` writes it beside the tables. Files are read from the page
 // cache: they were written just before.
+#include "bench/options.h"
 #include "core/file.h"
 #include "store/database.h"
 #include "store/layout.h"
@@ -16,7 +17,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -177,30 +177,14 @@ void printRows(const ordered_json& rows) {
 }
 
 int run(int argc, char** argv) {
-  bool asJson = false;
-  std::string jsonFile;
-  Sizes sizes;
-  for (int i = 1; i < argc; ++i) {
-    const std::string_view option = argv[i];
-    if (option == "--json") {
-      asJson = true;
-      if (i + 1 < argc && argv[i + 1][0] != '-') jsonFile = argv[++i];
-    } else if (option == "--quick") {
-      sizes = kQuick;
-    } else {
-      fmt::print(stderr, "usage: bench_store [--json [FILE]] [--quick]\n");
-      return 2;
-    }
-  }
+  const auto options = bench::parseOptions(argc, argv, "bench_store");
+  if (!options) return 2;
+  const Sizes sizes = options->quick ? kQuick : Sizes{};
   ordered_json report = {
       {"cores", std::thread::hardware_concurrency()}, {"compiler", __VERSION__}, {"build_type", HANDHOLD_BUILD_TYPE}};
   report["one_set"] = benchQueries(sizes);
   report["catalog"] = benchCatalog(sizes);
-  if (!jsonFile.empty()) std::ofstream(jsonFile) << report.dump(1) << '\n';
-  if (asJson && jsonFile.empty()) {
-    fmt::print("{}\n", report.dump(1));
-    return 0;
-  }
+  if (!bench::writeReport(report, *options)) return 0;
   fmt::print("{} cores, gcc {}, {}\n\n", report["cores"].get<unsigned>(), report["compiler"].get<std::string>(),
              report["build_type"].get<std::string>());
   fmt::print("one set of {} grasps, {:.1f} MB\n", sizes.grasps, report["one_set"]["megabytes"].get<double>());

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <fstream>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -28,7 +29,12 @@ class Timings {
  public:
   void startRepeat() { repeats_.emplace_back(); }
   void add(double microseconds) { repeats_.back().push_back(microseconds); }
-  double median() const { return quantile(all(), 0.5); }
+  double median() const { return at(0.5); }
+  double at(double q) const { return quantile(all(), q); }
+  double mean() const {
+    const std::vector<double> values = all();
+    return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+  }
 
   nlohmann::ordered_json json() const {
     std::vector<double> medians;
