@@ -34,6 +34,20 @@ struct QueryCommand {
   std::string format = "table";               // table, json or csv
 };
 
+struct ExportCommand {
+  QueryCommand selection;                  // its format aside
+  std::string to, folder, frame = "root";  // acronym, isaac, moveit, csv or gltf; root or tcp
+};
+
+struct ImportCommand {
+  std::string file, mesh, unit, hand, name;  // unit: m, cm, mm, in or empty; name: empty for the mesh's stem
+  std::string frame = "root", preshape;      // as GivenGraspOptions has them
+  bool close = false;
+  double friction = 0.4, contactDistance = 1e-4;  // m
+  int threads = 0;                                // 0: all cores
+  PackagePaths packages;
+};
+
 struct VerifyCommand {
   std::string objectGlob = "*", handGlob = "*";
   int setVersion = 0;  // 0: all
@@ -49,10 +63,15 @@ int runVerify(const VerifyCommand& command, const Database& database);
 /// 0: the sets are equal, 1: they differ.
 int runDiff(const std::string& a, const std::string& b, bool asJson, const Database& database);
 int runPrune(const PruneOptions& options, const Database& database);
-int runQuery(QueryCommand command, const Database& database);
+int runQuery(const QueryCommand& command, const Database& database);
+int runExport(ExportCommand command, const Database& database);
+int runImport(const ImportCommand& command, const Database& database);
 int runIndex(const Database& database);
 int runHand(const std::string& path, bool initialise, const PackagePaths& packages, double sphereRadius);
 int runRender(const std::string& set, const std::string& output);
+
+/// The grasps that pass; failures, and what was left out and why, are told on stderr. @throws InputError
+QueryAnswer findGrasps(const QueryCommand& command, const Database& database);
 
 /// The sets of the job that the options' globs pick, with their shards. @throws InputError  there are none
 std::vector<ShardedSet> selectedSets(const Job& job, const std::vector<Hand>& hands, const BuildOptions& options);

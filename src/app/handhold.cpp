@@ -25,9 +25,9 @@ void parseShard(const std::string& text, BuildOptions& options) {
   }
 }
 
-CLI::App* addQuery(CLI::App& app, QueryCommand& command) {
+/// The filters of `query`.
+void addFilters(CLI::App* sub, QueryCommand& command) {
   GraspQuery& query = command.query;
-  CLI::App* sub = app.add_subcommand("query", "the grasps of one or many sets that pass every filter, best first");
   sub->add_option("--object", query.object, "only objects whose name matches")->type_name("GLOB");
   sub->add_option("--hand", query.hand, "only hands whose name matches")->type_name("GLOB");
   sub->add_option("--set-version", query.setVersion, "this version (default: the newest of each set)")->type_name("V");
@@ -49,7 +49,47 @@ CLI::App* addQuery(CLI::App& app, QueryCommand& command) {
   top->check(CLI::Range(1, std::numeric_limits<int>::max()));
   sub->add_flag("--diverse", query.diverse, "with --top: spread over those that pass, not the best; prints how well")
       ->needs(top);
+}
+
+CLI::App* addQuery(CLI::App& app, QueryCommand& command) {
+  CLI::App* sub = app.add_subcommand("query", "the grasps of one or many sets that pass every filter, best first");
+  addFilters(sub, command);
   sub->add_option("--format", command.format, "table, json or csv")->check(CLI::IsMember({"table", "json", "csv"}));
+  return sub;
+}
+
+CLI::App* addExport(CLI::App& app, ExportCommand& command) {
+  CLI::App* sub = app.add_subcommand("export", "write grasps for other programs (docs/exchange.md)");
+  sub->add_option("--to", command.to, "acronym, isaac, moveit, csv or gltf")
+      ->required()
+      ->check(CLI::IsMember({"acronym", "isaac", "moveit", "csv", "gltf"}));
+  sub->add_option("--out", command.folder, "the folder to write to")->required()->type_name("DIR");
+  sub->add_option("--frame", command.frame, "poses are those of the hand's root link, or of the tcp of hand.yaml")
+      ->check(CLI::IsMember({"root", "tcp"}));
+  addFilters(sub, command.selection);
+  return sub;
+}
+
+CLI::App* addImport(CLI::App& app, ImportCommand& command) {
+  CLI::App* sub = app.add_subcommand("import", "make a set of grasps that were planned elsewhere (docs/exchange.md)");
+  sub->add_option("file", command.file, "ACRONYM .h5, isaac_grasp .yaml or GraspGen .json")
+      ->required()
+      ->type_name("FILE");
+  sub->add_option("--mesh", command.mesh, "the object's mesh")->required()->type_name("FILE");
+  sub->add_option("--unit", command.unit, "of the mesh: m, cm, mm or in (default: the file's scale, else metres)")
+      ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
+  sub->add_option("--hand", command.hand, "the hand's folder")->required()->type_name("DIR");
+  sub->add_option("--name", command.name, "the object's name (default: that of the mesh file)")->type_name("NAME");
+  sub->add_option("--frame", command.frame, "the file's poses are those of the hand's root, or of its tcp")
+      ->check(CLI::IsMember({"root", "tcp"}));
+  sub->add_option("--preshape", command.preshape,
+                  "in which the hand arrives (default: as the file says, else the first)")
+      ->type_name("NAME");
+  sub->add_flag("--close", command.close, "pass over the file's joint positions: the policy closes the hand");
+  sub->add_option("--friction", command.friction, "coefficient of friction")->check(CLI::PositiveNumber);
+  sub->add_option("--contact-distance", command.contactDistance, "links at most so far from the object touch it [m]")
+      ->check(CLI::Range(2e-5, 2e-3));
+  sub->add_option("--threads", command.threads, "default: one a core")->check(CLI::Range(1, 1024));
   return sub;
 }
 
@@ -133,6 +173,15 @@ int runProgram(int argc, char** argv) {
   CLI::App* queryCommand = addQuery(app, query);
   addDatabase(queryCommand);
 
+  ExportCommand exporting;
+  CLI::App* exportCommand = addExport(app, exporting);
+  addDatabase(exportCommand);
+
+  ImportCommand importing;
+  CLI::App* importCommand = addImport(app, importing);
+  addDatabase(importCommand);
+  addPackages(importCommand);
+
   CLI::App* indexCommand = app.add_subcommand("index", "write index.sqlite: list and queries over many sets get fast");
   addDatabase(indexCommand);
 
@@ -177,7 +226,7 @@ int runProgram(int argc, char** argv) {
                                                              {"json", ProgressMode::json},
                                                              {"none", ProgressMode::none}};
   build.options.progress = kModes.at(progress);
-  build.options.packages = parsePackages(packages);
+  build.options.packages = importing.packages = parsePackages(packages);
   build.json = verify.json = format == "json";
   parseShard(shard, build.options);
   const Database database(databaseFolder);
@@ -189,6 +238,8 @@ int runProgram(int argc, char** argv) {
   if (*listCommand) return runList(database, format == "json");
   if (*infoCommand) return runInfo(path, format == "json");
   if (*queryCommand) return runQuery(query, database);
+  if (*exportCommand) return runExport(exporting, database);
+  if (*importCommand) return runImport(importing, database);
   if (*indexCommand) return runIndex(database);
   if (*verifyCommand) return runVerify(verify, database);
   if (*diffCommand) return runDiff(path, otherSet, format == "json", database);

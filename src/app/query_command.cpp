@@ -1,6 +1,7 @@
 #include "app/commands.h"
 #include "core/error.h"
 #include "core/log.h"
+#include "exchange/export_set.h"
 
 #include <algorithm>
 #include <charconv>
@@ -68,54 +69,6 @@ std::string jsonText(const QueryAnswer& answer) {
     for (const FoundGrasp& grasp : set.grasps) text += (text.size() > 1 ? ",\n" : "\n") + toJson(set, grasp).dump();
   }
   return text + "\n]\n";
-}
-
-/// A field of a CSV file: quoted when it has to be (RFC 4180).
-std::string csvField(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted.append(c == '"' ? 2 : 1, c);
-  return quoted + '"';
-}
-
-std::string csvText(const QueryAnswer& answer) {
-  std::vector<std::string> joints;  // of all hands: each has a column, empty for hands without that joint
-  for (const FoundSet& set : answer.sets) {
-    for (const std::string& name : set.jointNames) {
-      if (std::find(joints.begin(), joints.end(), name) == joints.end()) joints.push_back(name);
-    }
-  }
-  std::string text =
-      "object,hand,set_version,grasp,sample,roll_index,preshape_index,preshape,epsilon,epsilon_lower,epsilon_upper,"
-      "critical_friction,load_margin,robustness,robustness_lower,robustness_upper,x,y,z,qx,qy,qz,qw,target_x,target_y,"
-      "target_z,approach_x,approach_y,approach_z,roll,backoff,"
-      "approach_clear,contacts";
-  for (const std::string& name : joints) text += "," + csvField("joint." + name);
-  text += '\n';
-  const auto add = [&](double value) { text += std::isnan(value) ? "," : fmt::format(",{}", value); };
-  for (const FoundSet& set : answer.sets) {
-    std::vector<std::ptrdiff_t> column;
-    for (const std::string& name : joints) {
-      const auto found = std::find(set.jointNames.begin(), set.jointNames.end(), name);
-      column.push_back(found == set.jointNames.end() ? -1 : found - set.jointNames.begin());
-    }
-    for (const FoundGrasp& g : set.grasps) {
-      text += fmt::format("{},{},{},{},{},{}", csvField(set.object), csvField(set.hand), set.setVersion, g.grasp,
-                          fmt::join(g.trial, ","), csvField(preshapeName(set, g)));
-      for (const double value : {g.epsilon, g.epsilonLower, g.epsilonUpper, g.criticalFriction, g.loadMargin,
-                                 g.robustness, g.robustnessLower, g.robustnessUpper})
-        add(value);
-      for (const double value : g.handPose) add(value);
-      for (const double value : g.targetPoint) add(value);
-      for (const double value : g.approachDirection) add(value);
-      add(g.roll);
-      add(g.backoff);
-      text += fmt::format(",{},{}", g.approachClear ? 1 : 0, g.contacts);
-      for (const std::ptrdiff_t i : column) add(i < 0 ? std::nan("") : g.jointPosition[i]);
-      text += '\n';
-    }
-  }
-  return text;
 }
 
 std::string coverLine(const FoundSet& set) {
@@ -195,19 +148,24 @@ void reportLeftOut(const QueryAnswer& answer, bool asksForPhysics) {
 
 }  // namespace
 
-int runQuery(QueryCommand command, const Database& database) {
-  GraspQuery& query = command.query;
+QueryAnswer findGrasps(const QueryCommand& command, const Database& database) {
+  GraspQuery query = command.query;
   if (command.approach) {
     query.approach = {parseVector("--approach", *command.approach), command.withinDeg * std::numbers::pi / 180};
   }
   if (command.near) query.near = {parseVector("--near", *command.near), command.radius};
-  const QueryAnswer answer = database.query(query);
+  QueryAnswer answer = database.query(query);
   for (const std::string& failure : answer.failures) logError(failure);
   reportLeftOut(answer, query.minPhysics.has_value());
+  return answer;
+}
+
+int runQuery(const QueryCommand& command, const Database& database) {
+  const QueryAnswer answer = findGrasps(command, database);
   if (command.format == "table") {
     fmt::print("{}", tableText(answer));
   } else {
-    fmt::print("{}", command.format == "json" ? jsonText(answer) : csvText(answer));
+    fmt::print("{}", command.format == "json" ? jsonText(answer) : csvText(answer.sets));
     for (const FoundSet& set : answer.sets) {
       if (!std::isnan(set.coverRadius)) logInfo(coverLine(set));
     }

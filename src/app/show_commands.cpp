@@ -1,4 +1,5 @@
 #include "app/commands.h"
+#include "build/import_set.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/log.h"
@@ -133,7 +134,8 @@ std::vector<Column> occurringOutcomes(const std::vector<GraspSetSummary>& summar
       {"blocked_centering", "blocked %", "a jaw that centres itself would push the hand into the object"},
       {"self_collision", "self %", "force closed, but parts of the hand pass through each other"},
       {"solve_failed", "solve %", "force closure or epsilon could not be computed"},
-      {"not_run", "not run %", "the build was stopped"}};
+      {"not_run", "not run %", "the build was stopped; of an imported set: the file does not ask for it"},
+      {std::string(kPreshapeTouches), "touches %", "of an imported set: the hand touches the object before it closes"}};
   std::vector<Column> occurring;
   const auto has = [](const std::vector<Column>& columns, const std::string& outcome) {
     return std::any_of(columns.begin(), columns.end(), [&](const Column& column) { return column.outcome == outcome; });

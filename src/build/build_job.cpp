@@ -64,20 +64,6 @@ class TimeoutError : public std::runtime_error {
 /// N*R*M as far as it is known before sampling.
 std::size_t expectedTrials(const Job& job, const Hand& hand) { return job.samples * job.rolls * hand.preshapes.size(); }
 
-/// A newest version that was made from these inputs. A file that cannot be read counts as none: it is built anew beside
-/// it.
-bool isUnchanged(const Database& database, const std::string& object, const std::string& hand,
-                 const std::string& hash) {
-  const int version = database.newestVersion(object, hand);
-  if (version == 0) return false;
-  try {
-    return readInputHash(database.setPath(object, hand, version)) == hash;
-  } catch (const InputError& error) {
-    logWarning(fmt::format("{}; a new version will be built", error.what()));
-    return false;
-  }
-}
-
 std::string absolutePath(const fs::path& path) { return fs::absolute(path).lexically_normal().string(); }
 
 /// The record of these inputs' failure, when they are to be left alone for it.
@@ -264,6 +250,18 @@ class JobRun {
 };
 
 }  // namespace
+
+bool isUnchanged(const Database& database, const std::string& object, const std::string& hand,
+                 const std::string& hash) {
+  const int version = database.newestVersion(object, hand);
+  if (version == 0) return false;
+  try {
+    return readInputHash(database.setPath(object, hand, version)) == hash;
+  } catch (const InputError& error) {
+    logWarning(fmt::format("{}; a new version will be built", error.what()));
+    return false;
+  }
+}
 
 std::vector<SetReport> buildJob(const Job& job, const std::vector<Hand>& hands, const Database& database,
                                 const BuildOptions& options, const std::atomic<bool>& cancel) {

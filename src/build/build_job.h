@@ -41,6 +41,10 @@ struct PlannedSet {
   bool toBuild() const { return state == State::missing || state == State::changed; }
 };
 
+/// Is the newest version made from these inputs? A file that cannot be read counts as none, with a warning: the set is
+/// built anew beside it.
+bool isUnchanged(const Database& database, const std::string& object, const std::string& hand, const std::string& hash);
+
 /// Builds every selected set that is missing or whose inputs changed. A set that fails is reported and recorded
 /// (failures.h), and the rest goes on. Inputs that are known to fail are reported again and left alone until they
 /// change, or `retryFailed` or `force` is given. When `cancel` becomes true the job stops within a second; finished

@@ -132,13 +132,6 @@ void addNeighbors(const Job& job, const SampledObject& object, GraspSet& set) {
   }
 }
 
-/// What one thread needs, on cache lines of its own.
-struct alignas(64) Worker {
-  Cones cones;
-  std::unique_ptr<GraspPolicy> policy;
-  Evaluation evaluation;
-};
-
 /// The trials of one set and where their results go: each sample has a slot of its own.
 class TrialRun {
  public:
@@ -157,7 +150,7 @@ class TrialRun {
 
   /// Takes over the chunks that an earlier run finished. Returns how many.
   std::size_t resume();
-  void runSample(Worker& worker, std::size_t sample);
+  void runSample(SetWorker& worker, std::size_t sample);
   std::vector<SampleResults>& results() { return results_; }
 
  private:
@@ -193,7 +186,7 @@ std::size_t TrialRun::resume() {
 }
 
 /// The processor's clock is read once a sample; its seconds are dealt to the stages as the wall's clock saw them.
-void TrialRun::runSample(Worker& worker, std::size_t sample) {
+void TrialRun::runSample(SetWorker& worker, std::size_t sample) {
   const std::size_t chunk = sample / samplesPerChunk_;
   SampleResults& results = results_[sample];
   if (!results.outcome.empty()) return;  // taken over
@@ -220,7 +213,7 @@ void TrialRun::runSample(Worker& worker, std::size_t sample) {
 
 /// The load margin and the robustness of the first grasps, one grasp a work item.
 void rankQuality(const Job& job, const Hand& hand, const WrenchModel& model, const JobSystem& jobs,
-                 const std::atomic<bool>& cancel, std::vector<Worker>& workers, std::vector<KeptGrasp>& grasps,
+                 const std::atomic<bool>& cancel, std::vector<SetWorker>& workers, std::vector<KeptGrasp>& grasps,
                  GraspSet& set) {
   std::vector<RankedQuality> ranked;
   for (std::size_t i = 0; i < workers.size(); ++i) ranked.emplace_back(job, hand, model, setKey(set));
@@ -364,21 +357,43 @@ void addGrasps(const Job& job, const SampledObject& object, const Hand& hand, co
   addNeighbors(job, object, set);
 }
 
+std::vector<SetWorker> makeWorkers(const Job& job, const SampledObject& object, const Hand& hand,
+                                   const std::shared_ptr<const HandFields>& fields, const JobSystem& jobs) {
+  const WrenchModel model = wrenchModel(job, *object.item, object.model, hand);
+  std::vector<SetWorker> workers;
+  for (int i = 0; i < jobs.threads(); ++i) workers.push_back({Cones(model), nullptr, {}});
+  workers[0].policy = makePolicy(job, hand, object.model, fields);
+  for (SetWorker& worker : workers) {
+    if (!worker.policy) worker.policy = workers[0].policy->clone();
+  }
+  return workers;
+}
+
+bool finishSet(const Job& job, const SampledObject& object, const Hand& hand, std::vector<KeptGrasp> grasps,
+               const StageSeconds& seconds, const JobSystem& jobs, const std::atomic<bool>& cancel,
+               std::vector<SetWorker>& workers, GraspSet& set) {
+  auto start = std::chrono::steady_clock::now();
+  sortGrasps(grasps);
+  keepGrasps(grasps, job.keepTop, job.keepDiverse, object.model.mass.radius);
+  set.seconds["table"] += secondsSince(start);
+  rankQuality(job, hand, wrenchModel(job, *object.item, object.model, hand), jobs, cancel, workers, grasps, set);
+  if (cancel) return false;
+  start = std::chrono::steady_clock::now();
+  addGrasps(job, object, hand, grasps, set);
+  set.seconds["table"] += secondsSince(start);
+  setTimings(object, seconds, set);
+  return true;
+}
+
 std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, const Hand& hand,
                                  const std::string& inputHash, const std::shared_ptr<const HandFields>& fields,
                                  const Checkpoint& checkpoint, const JobSystem& jobs, BuildCounters& counters,
                                  const std::atomic<bool>& cancel) {
   GraspSet set = emptySet(job, object, hand);
-  const WrenchModel model = wrenchModel(job, *object.item, object.model, hand);
   set.inputHash = inputHash;
 
   auto start = std::chrono::steady_clock::now();
-  std::vector<Worker> workers;
-  for (int i = 0; i < jobs.threads(); ++i) workers.push_back({Cones(model), nullptr, {}});
-  workers[0].policy = makePolicy(job, hand, object.model, fields);
-  for (Worker& worker : workers) {
-    if (!worker.policy) worker.policy = workers[0].policy->clone();
-  }
+  std::vector<SetWorker> workers = makeWorkers(job, object, hand, fields, jobs);
   set.seconds["prepare"] = secondsSince(start);
   TrialRun run(job, object, hand, checkpoint, counters, cancel, set.samples);
   if (const std::size_t resumed = run.resume(); resumed > 0) {
@@ -399,16 +414,8 @@ std::optional<GraspSet> buildSet(const Job& job, const SampledObject& object, co
     seconds.add(sample.seconds, 1);
     std::move(sample.grasps.begin(), sample.grasps.end(), std::back_inserter(grasps));
   }
-  sortGrasps(grasps);
-  keepGrasps(grasps, job.keepTop, job.keepDiverse, object.model.mass.radius);
-  const double tableSeconds = secondsSince(start);
-  rankQuality(job, hand, model, jobs, cancel, workers, grasps, set);
-  if (cancel) return std::nullopt;
-
-  start = std::chrono::steady_clock::now();
-  addGrasps(job, object, hand, grasps, set);
-  set.seconds["table"] = tableSeconds + secondsSince(start);
-  setTimings(object, seconds, set);
+  set.seconds["table"] = secondsSince(start);
+  if (!finishSet(job, object, hand, std::move(grasps), seconds, jobs, cancel, workers, set)) return std::nullopt;
   return set;
 }
 

@@ -67,6 +67,23 @@ KeptGrasp keptGrasp(std::size_t trial, const Evaluation& evaluation);
 void addGrasps(const Job& job, const SampledObject& object, const Hand& hand, const std::vector<KeptGrasp>& grasps,
                GraspSet& set);
 
+/// What one thread needs, on cache lines of its own.
+struct alignas(64) SetWorker {
+  Cones cones;
+  std::unique_ptr<GraspPolicy> policy;
+  Evaluation evaluation;
+};
+
+/// One a thread of `jobs`. `fields`, `hand` and `object` as makePolicy has them.
+std::vector<SetWorker> makeWorkers(const Job& job, const SampledObject& object, const Hand& hand,
+                                   const std::shared_ptr<const HandFields>& fields, const JobSystem& jobs);
+
+/// From force-closed trials to a whole set: sorts and keeps grasps, computes what only the best have, adds rows and
+/// timings. `seconds` are those of the trials. False when `cancel` became true.
+bool finishSet(const Job& job, const SampledObject& object, const Hand& hand, std::vector<KeptGrasp> grasps,
+               const StageSeconds& seconds, const JobSystem& jobs, const std::atomic<bool>& cancel,
+               std::vector<SetWorker>& workers, GraspSet& set);
+
 /// Runs all N*R*M trials of one object and hand on all threads of `jobs`. Results do not depend on their number.
 /// @param fields      as makePolicy has them
 /// @param checkpoint  chunks of trials that an earlier run finished are taken over, new ones written there

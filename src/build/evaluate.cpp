@@ -32,6 +32,12 @@ void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones
   StageClock clock;
   policy.run(candidate, result.trial);
   clock.addTo(seconds.policy);
+  judge(policy, candidate, cones, result, seconds);
+}
+
+void judge(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones, Evaluation& result,
+           StageSeconds& seconds) {
+  StageClock clock;
   GraspTrial& trial = result.trial;
   if (trial.outcome == GraspOutcome::notForceClosed && trial.contacts.size() < cones.fewestContacts) {
     trial.outcome = GraspOutcome::tooFewContacts;

@@ -48,6 +48,10 @@ struct StageSeconds {
 void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones, Evaluation& result,
               StageSeconds& seconds);
 
+/// The same for a trial whose contacts are gathered already: `result.trial` is what the policy left.
+void judge(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones, Evaluation& result,
+           StageSeconds& seconds);
+
 /// The load margin of a grasp. Joint positions are rounded to 32-bit floats first, as the contacts were, for the same
 /// reason.
 LoadMargin evaluateLoad(LoadMarginSolver& solver, const Hand& hand, const Eigen::VectorXd& jointPosition,

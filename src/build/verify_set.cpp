@@ -1,6 +1,7 @@
 #include "build/verify_set.h"
 
 #include "build/build_set.h"
+#include "build/import_set.h"
 #include "build/ranked_quality.h"
 #include "core/error.h"
 #include "core/hash.h"
@@ -171,6 +172,11 @@ std::optional<VerifyReport> SetVerifier::verify(const fs::path& path, std::size_
     return report;
   }
   if (sample == 0) return report;
+  if (set.policy == kImportedPolicy) {
+    report.state = VerifyReport::State::notRecomputed;
+    report.reason = "cannot be recomputed: its grasps were imported";
+    return report;
+  }
   if (set.methodVersion != kMethodVersion) {
     report.state = VerifyReport::State::notRecomputed;
     report.reason = set.methodVersion == 0

@@ -134,6 +134,11 @@ class FastPolicy final : public GraspPolicy {
     }
   }
 
+  void touchAt(const Isometry3d& X_OH, const Eigen::VectorXd& jointPosition, GraspTrial& trial) override {
+    reference_->touchAt(X_OH, jointPosition, trial);
+    trial.byReference = true;
+  }
+
   bool approachIsClear(const GraspCandidate& candidate, const GraspTrial& trial) override {
     constexpr double kBeyond = 1e-3;  // m: what ended the back-off is not met again
     preshape_ = &fields_->preshapes[candidate.preshape];

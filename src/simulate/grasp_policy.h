@@ -74,6 +74,8 @@ class GraspPolicy {
   /// The same from a given pose of the hand, without backing off: fingers closed, contacts gathered. False when the
   /// hand in its preshape touches the object there; the trial is then without meaning.
   virtual bool closeAt(const Eigen::Isometry3d& X_OH, int preshape, GraspTrial& trial) = 0;
+  /// The same in a given posture, joint positions (J): nothing moves and nothing is asked of the preshape.
+  virtual void touchAt(const Eigen::Isometry3d& X_OH, const Eigen::VectorXd& jointPosition, GraspTrial& trial) = 0;
   /// Is the straight approach along P_d from outside to the trial's back-off, in its preshape, free of the object?
   virtual bool approachIsClear(const GraspCandidate& candidate, const GraspTrial& trial) = 0;
   /// Do parts of the hand that are apart in the preshape pass through each other in the trial's posture?

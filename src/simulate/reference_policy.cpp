@@ -51,6 +51,15 @@ class ReferencePolicy final : public GraspPolicy {
     return true;
   }
 
+  void touchAt(const Isometry3d& X_OH, const Eigen::VectorXd& jointPosition, GraspTrial& trial) override {
+    queries_ = 0;
+    trial = GraspTrial{};
+    trial.X_OH = X_OH;
+    trial.jointPosition = jointPosition;
+    trial.outcome = GraspOutcome::notForceClosed;
+    gatherContacts(trial);
+  }
+
   bool approachIsClear(const GraspCandidate& candidate, const GraspTrial& trial) override {
     centering_ = trial.centering;  // the hand comes in where it will close
     const double outside = outsideDistance(candidate);

@@ -2,6 +2,7 @@
 
 #include "core/error.h"
 
+#include <algorithm>
 #include <cassert>
 #include <functional>
 #include <numeric>
@@ -18,6 +19,8 @@ static_assert(sizeof(hid_t) == sizeof(std::int64_t));
 std::mutex libraryMutex;  // guards the HDF5 library and its error stack
 
 constexpr std::size_t kMemoryIncrement = std::size_t{4} << 20;
+/// A compressed dataset may claim more numbers than its file has bytes.
+constexpr std::size_t kMostForeignNumbers = std::size_t{1} << 26;
 
 /// An id of the library, closed with the function of its kind.
 class Handle {
@@ -68,6 +71,8 @@ hid_t hdf5Type(NumberType type) {
       return H5T_STD_U64LE;
     case NumberType::i4:
       return H5T_STD_I32LE;
+    case NumberType::i8:
+      return H5T_STD_I64LE;
     case NumberType::f4:
       return H5T_IEEE_F32LE;
     case NumberType::f8:
@@ -89,6 +94,8 @@ hid_t memoryType(NumberType type) {
       return H5T_NATIVE_UINT64;
     case NumberType::i4:
       return H5T_NATIVE_INT32;
+    case NumberType::i8:
+      return H5T_NATIVE_INT64;
     case NumberType::f4:
       return H5T_NATIVE_FLOAT;
     case NumberType::f8:
@@ -99,7 +106,7 @@ hid_t memoryType(NumberType type) {
 }
 
 std::string_view typeText(NumberType type) {
-  static constexpr std::string_view kNames[] = {"u1", "u2", "u4", "u8", "i4", "f4", "f8"};
+  static constexpr std::string_view kNames[] = {"u1", "u2", "u4", "u8", "i4", "i8", "f4", "f8"};
   return kNames[static_cast<std::size_t>(type)];
 }
 
@@ -191,14 +198,14 @@ std::string shapeText(const Shape& shape) { return fmt::format("({})", fmt::join
 
 Hdf5Builder::Hdf5Builder(std::size_t userBlock) : lock_(libraryMutex) {
   silenceErrors();
-  const std::string what = "grasp set in memory";
+  const std::string what = "HDF5 file in memory";
   const Handle access(built(H5Pcreate(H5P_FILE_ACCESS), what), H5Pclose);
   built(H5Pset_fapl_core(access, kMemoryIncrement, false), what);
   const Handle creation(built(H5Pcreate(H5P_FILE_CREATE), what), H5Pclose);
   built(H5Pset_userblock(creation, userBlock), what);
   built(H5Pset_obj_track_times(creation, false), what);
   // The driver looks for a file of this name before it starts an empty one. This name cannot exist.
-  file_ = built(H5Fcreate("/dev/null/grasp-set", H5F_ACC_TRUNC, creation, access), what);
+  file_ = built(H5Fcreate("/dev/null/in-memory", H5F_ACC_TRUNC, creation, access), what);
 }
 
 Hdf5Builder::~Hdf5Builder() { H5Fclose(file_); }
@@ -244,7 +251,7 @@ void Hdf5Builder::setTexts(const std::string& object, const std::string& attribu
 }
 
 std::string Hdf5Builder::image() {
-  const std::string what = "grasp set in memory";
+  const std::string what = "HDF5 file in memory";
   built(H5Fflush(file_, H5F_SCOPE_GLOBAL), what);
   const ssize_t size = built(H5Fget_file_image(file_, nullptr, 0), what);
   std::string bytes(static_cast<std::size_t>(size), '\0');
@@ -295,6 +302,28 @@ void Hdf5View::readNumbers(const std::string& path, NumberType type, void* value
   if (H5Dread(dataset, memoryType(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) {
     refuse(fmt::format("{} cannot be read: {}", path, lastError()));
   }
+}
+
+std::vector<double> Hdf5View::numbers(const std::string& path, Shape& shape) const {
+  const Handle dataset(H5Dopen2(file_, path.c_str(), H5P_DEFAULT), H5Dclose);
+  if (dataset < 0) refuse(fmt::format("{} is missing, want a dataset", path));
+  const Handle found(H5Dget_type(dataset), H5Tclose);
+  const H5T_class_t kind = H5Tget_class(found);
+  if (kind != H5T_FLOAT && kind != H5T_INTEGER) {
+    refuse(fmt::format("{} is of type {}, want numbers", path, typeText(static_cast<hid_t>(found))));
+  }
+  const Handle space(H5Dget_space(dataset), H5Sclose);
+  shape = shapeOfSpace(space);
+  std::size_t count = 1;
+  for (const std::size_t length : shape) {
+    if (length > kMostForeignNumbers / std::max<std::size_t>(count, 1)) {
+      refuse(fmt::format("{} has shape {}, want at most {} numbers", path, shapeText(shape), kMostForeignNumbers));
+    }
+    count *= length;
+  }
+  std::vector<double> values(count);
+  readNumbers(path, NumberType::f8, values.data(), count);
+  return values;
 }
 
 bool Hdf5View::has(const std::string& path) const { return H5Lexists(file_, path.c_str(), H5P_DEFAULT) > 0; }

@@ -13,7 +13,7 @@
 namespace handhold {
 
 /// Number types of the file, always little-endian: unsigned, signed and IEEE floating point of so many bytes.
-enum class NumberType { u1, u2, u4, u8, i4, f4, f8 };
+enum class NumberType { u1, u2, u4, u8, i4, i8, f4, f8 };
 
 template <class T>
 consteval NumberType numberType() {
@@ -22,6 +22,7 @@ consteval NumberType numberType() {
   if constexpr (std::is_same_v<T, std::uint32_t>) return NumberType::u4;
   if constexpr (std::is_same_v<T, std::uint64_t>) return NumberType::u8;
   if constexpr (std::is_same_v<T, std::int32_t>) return NumberType::i4;
+  if constexpr (std::is_same_v<T, std::int64_t>) return NumberType::i8;
   if constexpr (std::is_same_v<T, float>) return NumberType::f4;
   if constexpr (std::is_same_v<T, double>) return NumberType::f8;
 }
@@ -69,7 +70,7 @@ class Hdf5Builder {
   std::int64_t file_ = -1;
 };
 
-/// A HDF5 file that is read. Takes no file lock (they fail on some network file systems; our files never change).
+/// A HDF5 file that is read. Takes no file lock (they fail on some network file systems; sets never change).
 /// Every function throws InputError `FILE: OBJECT is FOUND, want WANTED` when the object is missing or of another kind.
 /// Holds the lock on the HDF5 library while it lives, as Hdf5Builder does.
 class Hdf5View {
@@ -89,6 +90,8 @@ class Hdf5View {
     readNumbers(path, numberType<T>(), values.data(), count);
     return values;
   }
+  /// The same of a file that others wrote: whatever its number type, compressed or not.
+  std::vector<double> numbers(const std::string& path, Shape& shape) const;
   /// The shape of a dataset of numbers, which are not read.
   template <class T>
   Shape shape(const std::string& path) const {

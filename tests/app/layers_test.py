@@ -21,6 +21,7 @@ BROKEN = [
     ("build/job.cpp", "#include <yaml-cpp/yaml.h>", "build includes <yaml-cpp/yaml.h>, allowed in core"),
     ("simulate/contacts.cpp", "#include <hdf5.h>", "simulate includes <hdf5.h>, allowed in store"),
     ("app/query_command.cpp", "#include <sqlite3.h>", "app includes <sqlite3.h>, allowed in store"),
+    ("exchange/export_set.cpp", '#include "build/job.h"', "exchange includes build/job.h, but may use only core, mesh, hand, store"),
     ("core/file.cpp", "#include <boost/filesystem.hpp>", "<boost/filesystem.hpp> is of no library"),
     ("app/handhold.cpp", "#include <tbb/parallel_for.h>", "<tbb/parallel_for.h> is of no library"),
     ("hand/kinematics.cpp", '#include "hand.h"', '"hand.h" names no module of src/'),

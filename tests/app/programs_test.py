@@ -59,7 +59,7 @@ class Programs(unittest.TestCase):
     def test_help_and_version(self):
         for arguments in (["--help"], ["build", "--help"], ["list", "--help"], ["info", "--help"], ["query", "--help"],
                           ["index", "--help"], ["hand", "--help"], ["verify", "--help"], ["diff", "--help"],
-                          ["prune", "--help"], ["submit", "--help"]):
+                          ["prune", "--help"], ["submit", "--help"], ["export", "--help"], ["import", "--help"]):
             result = run(*arguments)
             self.assertEqual(result.returncode, 0)
             self.assertIn("--help", result.stdout)

@@ -23,6 +23,7 @@ class GivenContacts final : public GraspPolicy {
     run({}, trial);
     return true;
   }
+  void touchAt(const Eigen::Isometry3d&, const Eigen::VectorXd&, GraspTrial& trial) override { run({}, trial); }
   bool approachIsClear(const GraspCandidate&, const GraspTrial&) override { return true; }
   bool selfCollides(const GraspCandidate&, const GraspTrial&) override { return false; }
   std::unique_ptr<GraspPolicy> clone() const override { return std::make_unique<GivenContacts>(*this); }

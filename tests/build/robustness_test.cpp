@@ -42,6 +42,7 @@ class RecordingPolicy final : public GraspPolicy {
     trial.outcome = GraspOutcome::tooFewContacts;
     return true;
   }
+  void touchAt(const Isometry3d&, const Eigen::VectorXd&, GraspTrial&) override { FAIL() << "nothing else closes"; }
   bool approachIsClear(const GraspCandidate&, const GraspTrial&) override { return true; }
   bool selfCollides(const GraspCandidate&, const GraspTrial&) override { return false; }
   std::unique_ptr<GraspPolicy> clone() const override { return std::make_unique<RecordingPolicy>(*this); }

@@ -84,9 +84,9 @@ TEST_F(Score, ReachPutsWhatCannotBeDoneLast) {
   const Eigen::Isometry3d X_WO(Eigen::Translation3d(0.5, 0, 0.1));
   const ReachArm arm{Eigen::Isometry3d::Identity(), forwardKinematics(robot.body, robot.home)[robot.arms[0].baseLink],
                      ik.get(), robot.home};
-  const auto floor = std::make_shared<SignedDistance>(makeBoxShape({2, 2, 0.1}));
+  const auto floor = std::make_shared<SignedDistance>(makeBoxShape({0.4, 0.4, 0.1}));
   std::vector<GraspScore> scores;
-  scorer.score(table_, arm, X_WO, {{floor, Eigen::Isometry3d(Eigen::Translation3d(0, 0, 0.09))}}, {}, scores);
+  scorer.score(table_, arm, X_WO, {{floor, Eigen::Isometry3d(Eigen::Translation3d(0.5, 0, 0.09))}}, {}, scores);
   ASSERT_EQ(scores.size(), table_.grasps.size());
   sortScores(scores);
   // From above is clear of what the box stands in up to 40 mm; from the side the hand is in it.
