@@ -260,6 +260,16 @@ std::optional<Touch> CollisionWorld::handTouches(int arm, const std::vector<Eige
   return std::nullopt;
 }
 
+bool CollisionWorld::handMeetsTarget(int arm, const std::vector<Eigen::Isometry3d>& X_OL) const {
+  ++checks_;
+  const Placed target(impl_->target.get(), Eigen::Isometry3d::Identity());
+  const std::vector<int>& links = impl_->robot.arms[arm].handLinks;
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    if (impl_->links[links[i]] && near({impl_->links[links[i]].get(), X_OL[i]}, target, 0)) return true;
+  }
+  return false;
+}
+
 std::optional<Touch> CollisionWorld::robotTouches(int arm, const std::vector<Eigen::Isometry3d>& X_WL,
                                                   const Eigen::Isometry3d& X_WO, TargetRule rule, double margin) const {
   ++checks_;

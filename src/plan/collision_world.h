@@ -49,6 +49,9 @@ class CollisionWorld {
   std::optional<Touch> handTouches(int arm, const std::vector<Eigen::Isometry3d>& X_WL, const Eigen::Isometry3d& X_WO,
                                    TargetRule rule, double margin) const;
 
+  /// Does a link of the hand meet the target? @param X_OL  by link of the arm's hand, in the target's frame
+  bool handMeetsTarget(int arm, const std::vector<Eigen::Isometry3d>& X_OL) const;
+
   /// The whole robot, links at X_WL: the links that the arm and its hand move against obstacles, target, each other and
   /// the rest of the robot. @param X_WL  by link of the robot
   std::optional<Touch> robotTouches(int arm, const std::vector<Eigen::Isometry3d>& X_WL, const Eigen::Isometry3d& X_WO,

@@ -73,6 +73,7 @@ struct Planner::Impl {
   PlannerOptions options;
   std::vector<ArmTools> arms;
   std::map<std::pair<std::string, std::string>, std::shared_ptr<const GraspTable>> tables;  // by object and hand
+  std::map<std::pair<const GraspTable*, int>, std::vector<bool>> waysIn;                    // by table and arm
   std::map<std::string, TriangleMesh> objectMeshes;
   std::map<const ObstacleShape*, std::pair<std::shared_ptr<const ObstacleShape>, std::shared_ptr<const SignedDistance>>>
       distances;
@@ -193,6 +194,16 @@ struct Planner::Impl {
     return result;
   }
 
+  /// By grasp: the hand comes in without meeting the target. Found once: no scene changes it.
+  const std::vector<bool>& wayIn(const Candidate& candidate) {
+    std::vector<bool>& free = waysIn[{candidate.table.get(), candidate.arm}];
+    if (!free.empty()) return free;
+    updateWorld();
+    for (const StoredGrasp& grasp : candidate.table->grasps)
+      free.push_back(validators[candidate.arm]->wayIsFree(grasp));
+    return free;
+  }
+
   Vector3d shoulder(const Candidate& candidate) const {
     return candidate.situation.X_WA * shoulderPoint(arms[candidate.arm].chain);
   }
@@ -226,14 +237,16 @@ struct Planner::Impl {
       for (const Candidate& candidate : candidates) {
         auto& reach = arms[candidate.arm].reach;
         if (!reach) reach = std::make_unique<ReachScorer>(robot, candidate.arm, settings);
+        wayIn(candidate);
       }
     }
     const Stopwatch watch(ranking.timingMs, "score");
     for (const Candidate& candidate : candidates) {
       const ArmTools& tools = arms[candidate.arm];
       const ArmSituation& situation = candidate.situation;
-      tools.reach->score(*candidate.table, {situation.X_WB, situation.X_WA, tools.ik.get(), situation.posture},
-                         scene->X_WO, obstacles, robot.score, scores);
+      tools.reach->score(*candidate.table, wayIn(candidate),
+                         {situation.X_WB, situation.X_WA, tools.ik.get(), situation.posture}, scene->X_WO, obstacles,
+                         scores);
     }
     sortScores(scores);
   }

@@ -99,6 +99,17 @@ std::optional<Touch> GraspValidator::handOnItsWay(const StoredGrasp& grasp, cons
   return std::nullopt;
 }
 
+bool GraspValidator::wayIsFree(const StoredGrasp& grasp) const {
+  if (grasp.approachClear) return true;
+  const std::vector<Isometry3d> X_HL = forwardKinematics(arm_.hand, grasp.preshapePosition);
+  constexpr int kPoses = 3;
+  for (int i = 0; i <= kPoses; ++i) {
+    if (world_.handMeetsTarget(armIndex_, moved(handBefore(grasp, settings_.pregrasp * i / kPoses), X_HL)))
+      return false;
+  }
+  return true;
+}
+
 std::optional<Rejection> GraspValidator::testOnly(const StoredGrasp& grasp, const ArmSituation& situation) const {
   if (const auto touch = handOnItsWay(grasp, situation)) {
     return touch->ofTarget ? Rejection::targetCollision : Rejection::handCollision;

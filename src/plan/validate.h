@@ -71,6 +71,10 @@ class GraspValidator {
 
   Validation validate(const StoredGrasp& grasp, const ArmSituation& situation) const;
 
+  /// Does the hand come in and stand before the grasp without meeting the target? A few poses are looked at; what the
+  /// set calls a clear approach is believed.
+  bool wayIsFree(const StoredGrasp& grasp) const;
+
   /// Only what the paper calls a test: policy in the scene, inverse kinematics, collisions of the arm at the grasp.
   std::optional<Rejection> testOnly(const StoredGrasp& grasp, const ArmSituation& situation) const;
 

@@ -67,6 +67,7 @@ GraspTable makeGraspTable(GraspSet set, const std::string& path, const Hand& han
     grasp.targetPoint = row3(set.targetPoint, i);
     grasp.approach = row3(set.approachDirection, i).normalized();
     grasp.sideways = sidewaysOf(set, i, grasp.approach, resting);
+    grasp.approachClear = set.approachClear[i] != 0;
     grasp.epsilon = set.epsilon[i];
     grasp.trial = {set.trial[3 * i], set.trial[3 * i + 1], set.trial[3 * i + 2]};
     grasp.preshapePosition = rowOf(set.preshapeJointPosition, i, J);

@@ -20,6 +20,7 @@ struct StoredGrasp {
   /// Where the hand comes from at the very end, unit or zero, in O: away from what those links touch that do not close
   /// (the fixed jaw of a gripper), across the approach. A hand that came straight in would scrape along it.
   Eigen::Vector3d sideways = Eigen::Vector3d::Zero();
+  bool approachClear = false;  // the straight way in from outside is free of the object, as the set says
   double epsilon = 0;
   std::array<std::uint32_t, 3> trial;               // sample, roll, preshape
   Eigen::VectorXd preshapePosition, finalPosition;  // (J) of the hand, rad or m

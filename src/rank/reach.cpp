@@ -105,12 +105,11 @@ ReachScorer::Reached ReachScorer::reach(const StoredGrasp& grasp, const ReachArm
   return best;
 }
 
-void ReachScorer::score(const GraspTable& table, const ReachArm& arm, const Eigen::Isometry3d& X_WO,
-                        const std::vector<ObstacleDistance>& obstacles, const ScoreCoefficients& coefficients,
+void ReachScorer::score(const GraspTable& table, const std::vector<bool>& wayIsFree, const ReachArm& arm,
+                        const Eigen::Isometry3d& X_WO, const std::vector<ObstacleDistance>& obstacles,
                         std::vector<GraspScore>& scores) const {
   if (table.grasps.empty()) return;
   const double best = table.grasps.front().epsilon;
-  const double sum = std::max(coefficients.c1 + coefficients.c3, 1e-9);
   const std::size_t first = scores.size();
   const bool exact = arm.ik->isClosedForm();
   for (std::size_t i = 0; i < table.grasps.size(); ++i) {
@@ -119,6 +118,10 @@ void ReachScorer::score(const GraspTable& table, const ReachArm& arm, const Eige
     score.arm = armIndex_;
     score.grasp = static_cast<std::uint32_t>(i);
     score.gq = static_cast<float>(grasp.epsilon / best);
+    if (!wayIsFree[i]) {
+      scores.push_back(score);
+      continue;
+    }
     const Reached reached = exact ? reach(grasp, arm, X_WO, obstacles) : Reached{0.5f, settings_.far};
     score.gb = reached.gb;
     if (score.gb > 0 && reached.clearance > 0) {
@@ -127,7 +130,7 @@ void ReachScorer::score(const GraspTable& table, const ReachArm& arm, const Eige
     }
     scores.push_back(score);
   }
-  const auto others = [&](const GraspScore& s) { return (coefficients.c1 * s.gq + coefficients.c3 * s.ge) / sum; };
+  const auto others = [](const GraspScore& s) { return (s.gq + 2.0 * s.ge) / 3; };
   if (!exact) {
     std::vector<std::size_t> order(table.grasps.size());
     std::iota(order.begin(), order.end(), first);

@@ -28,7 +28,7 @@ struct ReachSettings {
 
 /// What a better engineer would use than the paper's approximations:
 ///
-///     G = 4 Gb + (c1 Gq + c3 Ge) / (c1 + c3)  when Ge > 0, else Gq / 1000                                       (1)
+///     G = 4 Gb + (Gq + 2 Ge) / 3  when Ge > 0, else Gq / 1000                                                   (1)
 ///
 /// Gb: inverse kinematics has a solution at the grasp and one near it at the pre-grasp (1), at the grasp alone (1/2),
 /// has none (0). Without a closed form it is asked for the best `numericChecks` grasps by the other terms; the rest
@@ -41,9 +41,10 @@ class ReachScorer {
   /// `robot` must outlive it.
   ReachScorer(const Robot& robot, int arm, const ReachSettings& settings = {});
 
-  /// Appends one score for every grasp, in the table's order.
-  void score(const GraspTable& table, const ReachArm& arm, const Eigen::Isometry3d& X_WO,
-             const std::vector<ObstacleDistance>& obstacles, const ScoreCoefficients& coefficients,
+  /// Appends one score for every grasp, in the table's order. @param wayIsFree  by grasp: the hand comes in without
+  /// meeting the target, which no scene changes
+  void score(const GraspTable& table, const std::vector<bool>& wayIsFree, const ReachArm& arm,
+             const Eigen::Isometry3d& X_WO, const std::vector<ObstacleDistance>& obstacles,
              std::vector<GraspScore>& scores) const;
 
  private:

@@ -86,7 +86,8 @@ TEST_F(Score, ReachPutsWhatCannotBeDoneLast) {
                      ik.get(), robot.home};
   const auto floor = std::make_shared<SignedDistance>(makeBoxShape({0.4, 0.4, 0.1}));
   std::vector<GraspScore> scores;
-  scorer.score(table_, arm, X_WO, {{floor, Eigen::Isometry3d(Eigen::Translation3d(0.5, 0, 0.09))}}, {}, scores);
+  const std::vector<bool> free(table_.grasps.size(), true);
+  scorer.score(table_, free, arm, X_WO, {{floor, Eigen::Isometry3d(Eigen::Translation3d(0.5, 0, 0.09))}}, scores);
   ASSERT_EQ(scores.size(), table_.grasps.size());
   sortScores(scores);
   // From above is clear of what the box stands in up to 40 mm; from the side the hand is in it.
@@ -96,8 +97,12 @@ TEST_F(Score, ReachPutsWhatCannotBeDoneLast) {
   EXPECT_EQ(scores.back().ge, 0.0f);
   // Where nothing can be reached, nothing is called reached.
   scores.clear();
-  scorer.score(table_, arm, Eigen::Isometry3d(Eigen::Translation3d(3, 0, 0.1)), {}, {}, scores);
+  scorer.score(table_, free, arm, Eigen::Isometry3d(Eigen::Translation3d(3, 0, 0.1)), {}, scores);
   for (const GraspScore& score : scores) EXPECT_EQ(score.gb, 0.0f);
+  // Nor where the hand would meet the target on its way.
+  scores.clear();
+  scorer.score(table_, std::vector<bool>(table_.grasps.size(), false), arm, X_WO, {}, scores);
+  for (const GraspScore& score : scores) EXPECT_LT(score.score, 0.01);
 }
 
 TEST_F(Score, AnotherHandIsRefused) {
