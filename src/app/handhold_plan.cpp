@@ -1,6 +1,7 @@
 // The online program: ranks stored grasps in the present scene and plans with them.
 #include "app/experiment_command.h"
 #include "app/program.h"
+#include "app/task_command.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/log.h"
@@ -213,6 +214,25 @@ int runProgram(int argc, char** argv) {
       ->type_name("FILE")
       ->excludes(record);
 
+  TaskCommand task;
+  CLI::App* tasks = app.add_subcommand("task", "what to do with several objects, step by step, with all motions");
+  addRobot(tasks);
+  tasks->add_option("task", task.task, "the task file")->required()->type_name("TASK.yaml");
+  tasks->add_option("--score", options.score, "the order of the grasps: paper or reach")
+      ->check(CLI::IsMember({"paper", "reach"}));
+  tasks->add_option("--seed", task.options.seed, "of poses, motions and random scenes (default 1)");
+  CLI::Option* trials = tasks->add_option("--trials", task.trials, "draw and plan random scenes until N are feasible")
+                            ->check(CLI::Range(1, 1'000'000))
+                            ->type_name("N");
+  tasks->add_option("--draw", task.draw, "plan random scene I instead of the file's")
+      ->check(CLI::Range(0, 10'000'000))
+      ->type_name("I")
+      ->excludes(trials);
+  tasks->add_option("--threads", task.threads, "of --trials (default: one a core)")
+      ->check(CLI::Range(1, 1024))
+      ->needs(trials);
+  tasks->add_option("--out", task.output, "write the plan, or the trials, here")->type_name("FILE.json");
+
   ExperimentCommand experiment;
   CLI::App* bench = app.add_subcommand("bench", "how many grasps are tested until one works, against random order");
   bench->add_option("--robot", experiment.robots, "a robot's folder; may be given again")->required()->type_name("DIR");
@@ -244,6 +264,13 @@ int runProgram(int argc, char** argv) {
   if (*rank) return runRank(options);
   if (*plan) return runPlan(options);
   if (*server) return runServe(options);
+  if (*tasks) {
+    task.robot = options.robot;
+    task.database = options.database;
+    task.packages = parsePackages(options.packages);
+    task.options.score = scoreKind(options);
+    return runTask(task);
+  }
   if (*bench) {
     experiment.database = options.database;
     experiment.packages = parsePackages(options.packages);

@@ -94,11 +94,12 @@ class Checker {
   std::optional<std::string> run() {
     if (auto fault = checkEnds()) return fault;
     if (auto fault = checkLimits()) return fault;
-    const TrajectorySegment* const approach = segment("approach");
-    findPairs(posesAt(trajectory_.points[approach->end].position));
+    findPairs(posesAt(trajectory_.points[motion_.holds ? 0 : segment("approach")->end].position));
+    Isometry3d X_WO = motion_.X_WO;
     for (const TrajectorySegment& part : trajectory_.segments) {
-      if (auto fault = checkSegment(part)) return fault;
+      if (auto fault = checkSegment(part, X_WO)) return fault;
     }
+    if (motion_.X_WO_after && !isAt(*motion_.X_WO_after, X_WO)) return "leaves the target elsewhere than it says";
     return std::nullopt;
   }
 
@@ -133,10 +134,34 @@ class Checker {
     return X;
   }
 
-  std::optional<std::string> checkEnds() const {
-    for (const char* name : {"transit", "approach", "close"}) {
-      if (segment(name) == nullptr) return fmt::format("has no segment {}", name);
+  static double linearGap(const Isometry3d& a, const Isometry3d& b) {
+    return (a.translation() - b.translation()).norm();
+  }
+  static double angularGap(const Isometry3d& a, const Isometry3d& b) {
+    return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
+  }
+  static bool isAt(const Isometry3d& a, const Isometry3d& b) {
+    return linearGap(a, b) <= kHandLinear && angularGap(a, b) <= kHandAngular;
+  }
+
+  /// Unknown segments would have no rule, and a held target needs segments that know of it.
+  std::optional<std::string> checkNames() const {
+    static const std::vector<std::string_view> kBringing = {"transit", "approach", "close", "lift"};
+    static const std::vector<std::string_view> kTaking = {"carry", "lower", "open", "drop", "retreat", "return"};
+    const auto& names = motion_.holds ? kTaking : kBringing;
+    for (const TrajectorySegment& part : trajectory_.segments) {
+      if (std::find(names.begin(), names.end(), part.name) == names.end()) {
+        return fmt::format("has a segment {}, want one of: {}", part.name, fmt::join(names, ", "));
+      }
     }
+    for (const char* name : {"transit", "approach", "close"}) {
+      if (!motion_.holds && segment(name) == nullptr) return fmt::format("has no segment {}", name);
+    }
+    return std::nullopt;
+  }
+
+  std::optional<std::string> checkEnds() const {
+    if (auto fault = checkNames()) return fault;
     const VectorXd& first = trajectory_.points.front().position;
     for (std::size_t i = 0; i < motion_.joints.size(); ++i) {
       const double given = motion_.posture[motion_.joints[i]];
@@ -146,19 +171,18 @@ class Checker {
       }
     }
     if (trajectory_.points.back().velocity.cwiseAbs().maxCoeff() > kSlack) return "does not end at rest";
-    const VectorXd& closed = trajectory_.points[segment("close")->end].position;
+    const VectorXd& closed = motion_.holds ? first : trajectory_.points[segment("close")->end].position;
+    const char* const when = motion_.holds ? "begins" : "ends its closing";
     const Isometry3d X_OH = motion_.X_WO.inverse() * posesAt(closed)[arm_.handLinks[0]];
-    const double linear = (X_OH.translation() - motion_.X_OH.translation()).norm();
-    const double angular = Eigen::AngleAxisd(X_OH.linear().transpose() * motion_.X_OH.linear()).angle();
-    if (linear > kHandLinear || angular > kHandAngular) {
-      return fmt::format("ends its closing {} m and {} rad from the stored grasp", linear, angular);
+    if (!isAt(X_OH, motion_.X_OH)) {
+      return fmt::format("{} {} m and {} rad from the stored grasp", when, linearGap(X_OH, motion_.X_OH),
+                         angularGap(X_OH, motion_.X_OH));
     }
     const VectorXd whole = wholePosture(closed);
     for (std::size_t i = 0; i < arm_.handJoints.size(); ++i) {
       const double found = whole[arm_.handJoints[i]], wanted = motion_.finalPosition[static_cast<Eigen::Index>(i)];
       if (std::abs(found - wanted) > 1e-5) {
-        return fmt::format("ends its closing with {} at {}, not at the stored {}", arm_.hand.joints[i].name, found,
-                           wanted);
+        return fmt::format("{} with {} at {}, not at the stored {}", when, arm_.hand.joints[i].name, found, wanted);
       }
     }
     return std::nullopt;
@@ -213,8 +237,10 @@ class Checker {
 
   bool isContactLink(int link) const { return handLink_[link] >= 0 && arm_.hand.links[handLink_[link]].contactAllowed; }
 
-  std::optional<std::string> checkPosture(const std::vector<Isometry3d>& X, const Isometry3d& X_WO,
-                                          bool contact) const {
+  /// How a segment may stand to the target.
+  enum class Rule { avoid, contact, gone };
+
+  std::optional<std::string> checkPosture(const std::vector<Isometry3d>& X, const Isometry3d& X_WO, Rule rule) const {
     const auto& name = [&](std::size_t link) { return robot_.body.links[link].name; };
     for (std::size_t i = 0; i < links_.size(); ++i) {
       if (!links_[i] || !moved_[i]) continue;
@@ -223,7 +249,8 @@ class Checker {
           return fmt::format("{} meets {}", name(i), (*motion_.obstacles)[k].name);
         }
       }
-      if (!(contact && isContactLink(static_cast<int>(i))) && meet(*links_[i], X[i], target_, X_WO)) {
+      if (rule == Rule::gone || (rule == Rule::contact && isContactLink(static_cast<int>(i)))) continue;
+      if (meet(*links_[i], X[i], target_, X_WO)) {
         return fmt::format("{} meets the target", name(i));
       }
     }
@@ -233,8 +260,14 @@ class Checker {
     return std::nullopt;
   }
 
-  /// What the target stood on is allowed until it has left it.
-  std::optional<std::string> checkCarried(const Isometry3d& X_WO, std::vector<bool>& stoodOn) const {
+  /// What the target stood on is allowed until it has left it. The links that move are checkPosture's.
+  std::optional<std::string> checkCarried(const std::vector<Isometry3d>& X, const Isometry3d& X_WO,
+                                          std::vector<bool>& stoodOn) const {
+    for (std::size_t i = 0; i < links_.size(); ++i) {
+      if (links_[i] && !moved_[i] && meet(target_, X_WO, *links_[i], X[i])) {
+        return fmt::format("the target meets {}", robot_.body.links[i].name);
+      }
+    }
     for (std::size_t k = 0; k < obstacles_.size(); ++k) {
       const bool meets = meet(target_, X_WO, *obstacles_[k], (*motion_.obstacles)[k].X_WS);
       if (meets && !stoodOn[k]) return fmt::format("the target meets {}", (*motion_.obstacles)[k].name);
@@ -243,34 +276,51 @@ class Checker {
     return std::nullopt;
   }
 
-  std::vector<bool> whatItStandsOn() const {
+  std::vector<bool> whatItStandsOn(const Isometry3d& X_WO) const {
     std::vector<bool> result;
     for (std::size_t k = 0; k < obstacles_.size(); ++k) {
       const Isometry3d& X_WS = (*motion_.obstacles)[k].X_WS;
-      const Isometry3d lower = Eigen::Translation3d(0, 0, -kStoodOn) * motion_.X_WO;
-      result.push_back(meet(target_, motion_.X_WO, *obstacles_[k], X_WS) || meet(target_, lower, *obstacles_[k], X_WS));
+      const Isometry3d lower = Eigen::Translation3d(0, 0, -kStoodOn) * X_WO;
+      result.push_back(meet(target_, X_WO, *obstacles_[k], X_WS) || meet(target_, lower, *obstacles_[k], X_WS));
     }
     return result;
   }
 
-  std::optional<std::string> checkSegment(const TrajectorySegment& part) const {
-    const bool contact = part.name == "close" || part.name == "lift";
-    const bool lifts = part.name == "lift";
-    const Isometry3d X_HO =
-        posesAt(trajectory_.points[part.begin].position)[arm_.handLinks[0]].inverse() * motion_.X_WO;
-    std::vector<bool> stoodOn = lifts ? whatItStandsOn() : std::vector<bool>();
-    for (std::size_t i = part.begin; i < part.end; ++i) {
+  Rule ruleOf(const TrajectorySegment& part) const {
+    const auto named = [&](std::initializer_list<std::string_view> names) {
+      return std::find(names.begin(), names.end(), part.name) != names.end();
+    };
+    if (named({"transit", "approach", "retreat"})) return Rule::avoid;
+    if (part.name != "return") return Rule::contact;
+    return segment("drop") != nullptr ? Rule::gone : Rule::avoid;
+  }
+
+  /// @param X_WO  the target at the segment's begin; then at its end
+  std::optional<std::string> checkSegment(const TrajectorySegment& part, Isometry3d& X_WO) const {
+    const bool lowers = part.name == "lower", lifts = part.name == "lift";
+    const bool carried = lowers || lifts || part.name == "carry";
+    const Isometry3d X_HO = posesAt(trajectory_.points[part.begin].position)[arm_.handLinks[0]].inverse() * X_WO;
+    const auto targetAt = [&](const std::vector<Isometry3d>& X) {
+      return carried ? X[arm_.handLinks[0]] * X_HO : X_WO;
+    };
+    const Isometry3d X_WO_end = targetAt(posesAt(trajectory_.points[part.end].position));
+    std::vector<bool> stoodOn(obstacles_.size(), false);
+    if (lifts || lowers) stoodOn = whatItStandsOn(lifts ? X_WO : X_WO_end);
+    const Rule rule = ruleOf(part);
+    // A lower is looked at backwards, as a lift.
+    for (std::size_t n = 0; n < part.end - part.begin; ++n) {
+      const std::size_t i = lowers ? part.end - 1 - n : part.begin + n;
       const TrajectoryPoint &a = trajectory_.points[i], &b = trajectory_.points[i + 1];
       const int count = stepsBetween(a, b);
-      for (int s = i == part.begin ? 0 : 1; s <= count; ++s) {
-        const double t = a.time + (b.time - a.time) * s / count;
+      for (int s = n == 0 ? 0 : 1; s <= count; ++s) {
+        const double t = a.time + (b.time - a.time) * (lowers ? count - s : s) / count;
         const std::vector<Isometry3d> X = posesAt(positionAt(trajectory_, i, t));
-        const Isometry3d X_WO = lifts ? X[arm_.handLinks[0]] * X_HO : motion_.X_WO;
-        auto fault = checkPosture(X, X_WO, contact);
-        if (!fault && lifts) fault = checkCarried(X_WO, stoodOn);
+        auto fault = checkPosture(X, targetAt(X), rule);
+        if (!fault && carried) fault = checkCarried(X, targetAt(X), stoodOn);
         if (fault) return fmt::format("{} at {:.3f} s ({})", *fault, t, part.name);
       }
     }
+    X_WO = X_WO_end;
     return std::nullopt;
   }
 

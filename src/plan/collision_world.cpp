@@ -292,12 +292,12 @@ std::optional<Touch> CollisionWorld::robotTouches(int arm, const std::vector<Eig
 }
 
 std::optional<Touch> CollisionWorld::targetTouches(int arm, const std::vector<Eigen::Isometry3d>& X_WL,
-                                                   const Eigen::Isometry3d& X_WO,
-                                                   const std::vector<bool>& allowed) const {
+                                                   const Eigen::Isometry3d& X_WO, const std::vector<bool>& allowed,
+                                                   double margin) const {
   ++checks_;
   const Placed target(impl_->target.get(), X_WO);
   for (std::size_t i = 0; i < impl_->obstacles.size(); ++i) {
-    if (!allowed[i] && near(target, impl_->obstacles[i], 0)) {
+    if (!allowed[i] && near(target, impl_->obstacles[i], margin)) {
       return Touch{impl_->targetName, impl_->obstacleNames[i], false};
     }
   }
@@ -306,11 +306,23 @@ std::optional<Touch> CollisionWorld::targetTouches(int arm, const std::vector<Ei
     if (!impl_->links[i]) continue;
     const int handLink = pairs.handLinkOf[i];
     if (handLink >= 0 && impl_->robot.arms[arm].hand.links[handLink].contactAllowed) continue;
-    if (near(target, {impl_->links[i].get(), X_WL[i]}, 0)) {
+    if (near(target, {impl_->links[i].get(), X_WL[i]}, handLink >= 0 ? 0 : margin)) {
       return Touch{impl_->targetName, impl_->linkName(static_cast<int>(i)), true};
     }
   }
   return std::nullopt;
+}
+
+bool CollisionWorld::handsTouch(int arm, const std::vector<Eigen::Isometry3d>& X_L, int otherArm,
+                                const std::vector<Eigen::Isometry3d>& X_otherL) const {
+  ++checks_;
+  const std::vector<int>&first = impl_->robot.arms[arm].handLinks, &second = impl_->robot.arms[otherArm].handLinks;
+  for (std::size_t a = 0; a < first.size(); ++a) {
+    for (std::size_t b = 0; b < second.size(); ++b) {
+      if (impl_->linksNear(first[a], X_L[a], second[b], X_otherL[b], 0)) return true;
+    }
+  }
+  return false;
 }
 
 std::vector<bool> CollisionWorld::obstaclesNearTarget(const Eigen::Isometry3d& X_WO, double margin) const {

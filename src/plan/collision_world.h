@@ -59,8 +59,12 @@ class CollisionWorld {
 
   /// The target where the hand carries it, against the obstacles that are not in `allowed`, and against the robot
   /// without the hand's contact links. @param allowed  by obstacle: may be touched
+  /// @param margin  m, to all but the links of the hand that holds it
   std::optional<Touch> targetTouches(int arm, const std::vector<Eigen::Isometry3d>& X_WL, const Eigen::Isometry3d& X_WO,
-                                     const std::vector<bool>& allowed) const;
+                                     const std::vector<bool>& allowed, double margin = 0) const;
+  /// Do the hands of two arms overlap? @param X_L  by link of the arm's hand, in a common frame
+  bool handsTouch(int arm, const std::vector<Eigen::Isometry3d>& X_L, int otherArm,
+                  const std::vector<Eigen::Isometry3d>& X_otherL) const;
   /// By obstacle: is the target closer to it than `margin`?
   std::vector<bool> obstaclesNearTarget(const Eigen::Isometry3d& X_WO, double margin) const;
 

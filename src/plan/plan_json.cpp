@@ -1,4 +1,5 @@
 #include "plan/planner.h"
+#include "plan/task_planner.h"
 
 #include <nlohmann/json.hpp>
 
@@ -16,17 +17,17 @@ Json vectorJson(const Eigen::VectorXd& v) { return std::vector<double>(v.data(),
 
 Json termsJson(const GraspScore& score) { return {{"gq", score.gq}, {"gb", score.gb}, {"ge", score.ge}}; }
 
-Json trajectoryJson(const PlanResult& result) {
+Json trajectoryJson(const std::vector<std::string>& jointNames, const Trajectory& trajectory) {
   Json points = Json::array(), segments = Json::array();
-  for (const TrajectoryPoint& point : result.trajectory.points) {
+  for (const TrajectoryPoint& point : trajectory.points) {
     points.push_back({{"time_from_start", point.time},
                       {"positions", vectorJson(point.position)},
                       {"velocities", vectorJson(point.velocity)}});
   }
-  for (const TrajectorySegment& segment : result.trajectory.segments) {
+  for (const TrajectorySegment& segment : trajectory.segments) {
     segments.push_back({{"name", segment.name}, {"begin", segment.begin}, {"end", segment.end}});
   }
-  return {{"joint_names", result.jointNames}, {"points", points}, {"segments", segments}};
+  return {{"joint_names", jointNames}, {"points", points}, {"segments", segments}};
 }
 
 }  // namespace
@@ -67,10 +68,36 @@ std::string planJson(const PlanResult& result, bool pretty) {
     row["detail"] = traced.detail;
     json["trace"].push_back(std::move(row));
   }
-  if (result.planned) json["trajectory"] = trajectoryJson(result);
+  if (result.planned) json["trajectory"] = trajectoryJson(result.jointNames, result.trajectory);
   json["checks"] = result.checks;
   if (result.stopped) json["stopped"] = true;
   json["timing_ms"] = result.timingMs;
+  return json.dump(pretty ? 1 : -1);
+}
+
+std::string taskJson(const Task& task, const Robot& robot, const TaskResult& result, bool pretty) {
+  Json json = {{"status", result.done ? "planned" : result.feasible ? "failed" : "infeasible"}};
+  if (!result.done) json["reason"] = result.reason;
+  json["steps"] = Json::array();
+  for (std::size_t i = 0; i < result.steps.size(); ++i) {
+    const TaskStepResult& step = result.steps[i];
+    Json row = {{"step", kVerbNames[static_cast<std::size_t>(task.steps[i].verb)]},
+                {"object", task.objects[task.steps[i].object].name},
+                {"rejected", step.rejected}};
+    if (result.done) {
+      row["arm"] = robot.arms[step.arm].name;
+      row["grasp"] = step.grasp;
+      row["trial"] = step.trial;
+      for (const TaskMotion& motion : step.motions) {
+        row["motions"].push_back({{"arm", robot.arms[motion.arm].name},
+                                  {"object_pose", poseJson(motion.X_WO)},
+                                  {"object_pose_after", poseJson(motion.X_WO_after)},
+                                  {"trajectory", trajectoryJson(motion.jointNames, motion.trajectory)}});
+      }
+    }
+    json["steps"].push_back(std::move(row));
+  }
+  json["checks"] = result.checks;
   return json.dump(pretty ? 1 : -1);
 }
 

@@ -414,6 +414,15 @@ void Planner::loadScene(const std::string& path) {
   }
 }
 
+const VectorXd& Planner::posture() const {
+  impl_->requireScene();
+  return impl_->candidates.front().situation.posture;
+}
+
+std::shared_ptr<const GraspTable> Planner::graspTable(const std::string& object, int arm) {
+  return impl_->table(object, impl_->robot.arms[arm].hand);
+}
+
 TriangleMesh Planner::objectMesh(const std::string& object) {
   if (const auto known = impl_->objectMeshes.find(object); known != impl_->objectMeshes.end()) return known->second;
   // The hands of the robot first: their sets are read anyway.

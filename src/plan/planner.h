@@ -104,6 +104,12 @@ class Planner {
   /// Share of the stored grasps of all arms with inverse kinematics at the grasp, whatever stands in the way.
   double reachableShare();
 
+  /// (J) Where the robot of the scene stands; home where the scene says nothing. @throws InputError  no scene was given
+  const Eigen::VectorXd& posture() const;
+
+  /// The newest set of an object with the hand of an arm, as rank() uses it; null when there is none.
+  std::shared_ptr<const GraspTable> graspTable(const std::string& object, int arm);
+
   /// The mesh of a stored object: of the newest set that has it. @throws InputError  there is none
   TriangleMesh objectMesh(const std::string& object);
 

@@ -159,15 +159,9 @@ Scene loadScene(const std::string& path, const ObjectMeshes& objectMeshes) {
   return readScene(YamlValue::parseFile(path), path, objectMeshes);
 }
 
-Scene readScene(const YamlValue& top, const fs::path& path, const ObjectMeshes& objectMeshes) {
-  top.allowKeys({"robot", "target", "obstacles"});
+Scene readSurroundings(const YamlValue& top, const fs::path& path, const ObjectMeshes& objectMeshes) {
   Scene scene;
   if (const YamlValue* robot = top.find("robot")) readRobot(*robot, scene);
-  const YamlValue& target = top.require("target");
-  target.allowKeys({"object", "pose"});
-  scene.target = target.require("object").text();
-  scene.X_WO = readPose(target.require("pose"));
-  const TriangleMesh targetMesh = objectMesh(target.require("object"), objectMeshes);
   if (const YamlValue* obstacles = top.find("obstacles")) {
     std::set<std::string> names;
     for (const YamlValue& entry : obstacles->items()) {
@@ -178,6 +172,18 @@ Scene readScene(const YamlValue& top, const fs::path& path, const ObjectMeshes& 
       scene.obstacles.push_back(std::move(obstacle));
     }
   }
+  return scene;
+}
+
+Scene readScene(const YamlValue& top, const fs::path& path, const ObjectMeshes& objectMeshes) {
+  top.allowKeys({"robot", "target", "obstacles"});
+  const YamlValue& target = top.require("target");
+  target.allowKeys({"object", "pose"});
+  const TriangleMesh targetMesh = objectMesh(target.require("object"), objectMeshes);
+  const Eigen::Isometry3d X_WO = readPose(target.require("pose"));
+  Scene scene = readSurroundings(top, path, objectMeshes);
+  scene.target = target.require("object").text();
+  scene.X_WO = X_WO;
   const std::size_t dropped = dropTargetPoints(targetMesh, scene.X_WO, scene.obstacles);
   if (dropped > 0) scene.notes.push_back(fmt::format("{} points of clouds dropped: they are the target", dropped));
   return scene;

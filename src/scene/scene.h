@@ -68,6 +68,10 @@ class YamlValue;
 /// The same from a text that is already parsed; `file` is what relative paths belong to.
 Scene readScene(const YamlValue& top, const std::filesystem::path& file, const ObjectMeshes& objectMeshes);
 
+/// Only the keys `robot` and `obstacles` of `top`, which may have others: a scene without a target.
+/// @throws InputError  naming file, line and key
+Scene readSurroundings(const YamlValue& top, const std::filesystem::path& file, const ObjectMeshes& objectMeshes);
+
 /// One entry of `obstacles`; `file` is what relative paths belong to. Points near a target are not dropped here.
 /// `notes` gets what was dropped or repaired, a sentence each, when it is not null.
 /// @throws InputError  naming file, line and key
