@@ -53,7 +53,7 @@ std::map<std::string, std::vector<std::uint32_t>> readOrder(const std::string& p
 
 std::string table(const std::vector<ExperimentCell>& cells, std::uint64_t seed) {
   std::string text =
-      fmt::format("{:<10} {:<12} {:<8} {:>8} {:>7} {:>17} {:>8} {:>6} {:>6} {:>8} {:>7} {:>8}\n", "robot", "object",
+      fmt::format("{:<10} {:<20} {:<8} {:>8} {:>7} {:>17} {:>8} {:>6} {:>6} {:>8} {:>7} {:>8}\n", "robot", "object",
                   "order", "feasible", "ratio", "95 %", "of means", "won %", "hard %", "tested", "median", "naive");
   for (const ExperimentCell& cell : cells) {
     for (const char* order : {"paper", "reach", "external"}) {
@@ -65,7 +65,7 @@ std::string table(const std::vector<ExperimentCell>& cells, std::uint64_t seed) 
       }
       const OrderSummary s = summarise(cell, order, seed);
       text += fmt::format(
-          "{:<10} {:<12} {:<8} {:>8} {:>7.2f} {:>17} {:>8.2f} {:>6.0f} {:>6.0f} {:>8.2f} {:>7.1f} {:>8.2f}\n",
+          "{:<10} {:<20} {:<8} {:>8} {:>7.2f} {:>17} {:>8.2f} {:>6.0f} {:>6.0f} {:>8.2f} {:>7.1f} {:>8.2f}\n",
           cell.robot, cell.object, order, fmt::format("{}/{}", s.feasible, s.scenes), s.meanRatio,
           fmt::format("{:.2f} .. {:.2f}", s.ratioLow, s.ratioHigh), s.ratioOfMeans, 100 * s.shareWon,
           100 * s.shareWonHard, s.meanTested, s.medianTested, s.naiveMeanTested);

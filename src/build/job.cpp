@@ -24,6 +24,11 @@ std::string besides(const std::string& file, const std::string& path) {
   return (fs::path(file).parent_path() / path).lexically_normal().string();
 }
 
+/// A path of the job, with ${NAME} replaced by the environment.
+std::string pathAt(const std::string& file, const YamlValue& value) {
+  return besides(file, expandEnvironment(value.text(), value.where()));
+}
+
 double readFriction(const YamlValue& value) {
   constexpr double kMost = 10;
   const double friction = value.number();
@@ -54,7 +59,7 @@ std::string nameFor(const std::string& pattern, const fs::path& mesh, const Yaml
 
 void readFolder(const YamlValue& entry, const Job& job, std::vector<CatalogItem>& catalog) {
   entry.allowKeys({"folder", "glob", "name", "unit", "scale", "friction", "mass"});
-  const fs::path folder = besides(job.path, entry.require("folder").text());
+  const fs::path folder = pathAt(job.path, entry.require("folder"));
   if (!fs::is_directory(folder))
     entry.require("folder").refuse("an existing folder (looked for " + folder.string() + ")");
   const std::string glob = entry.find("glob") == nullptr ? "*" : entry.require("glob").text();
@@ -95,7 +100,7 @@ std::vector<std::string> splitCsvLine(const std::string& line) {
 /// A row becomes a small YAML map, so that values are checked by the same code; its line is the CSV's.
 void readCsv(const YamlValue& entry, const Job& job, std::vector<CatalogItem>& catalog) {
   entry.allowKeys({"csv"});
-  const std::string path = besides(job.path, entry.require("csv").text());
+  const std::string path = pathAt(job.path, entry.require("csv"));
   std::istringstream lines(readFile(path));
   std::string line;
   std::vector<std::string> header;
@@ -136,7 +141,7 @@ void readCatalogEntry(const YamlValue& entry, const Job& job, std::vector<Catalo
   CatalogItem& item = catalog.emplace_back();
   item.name = entry.require("name").text();
   requireName(item.name, entry.where(), "name");
-  item.mesh = besides(job.path, entry.require("mesh").text());
+  item.mesh = pathAt(job.path, entry.require("mesh"));
   item.where = entry.where();
   readProperties(entry, job, item);
 }
@@ -269,7 +274,7 @@ Job parseJob(const std::string& text, const std::string& path) {
   std::stable_sort(job.catalog.begin(), job.catalog.end(),
                    [](const auto& a, const auto& b) { return a.name < b.name; });
   refuseRepeatedNames(job.catalog);
-  for (const std::string& hand : top.require("hands").texts()) job.handPaths.push_back(besides(path, hand));
+  for (const YamlValue& hand : top.require("hands").items()) job.handPaths.push_back(pathAt(path, hand));
   if (job.handPaths.empty()) top.require("hands").refuse("at least one hand");
   return job;
 }

@@ -81,6 +81,15 @@ TEST_F(JobFile, UnitsBecomeScales) {
   EXPECT_FALSE(load("  - {name: a, mesh: a.obj}\n").catalog[0].unit.written);
 }
 
+TEST_F(JobFile, PathsMayNameTheEnvironment) {
+  ASSERT_EQ(::setenv("HANDHOLD_TEST_MESHES", (folder_ / "meshes").c_str(), 1), 0);
+  EXPECT_EQ(load("  - {name: a, mesh: \"${HANDHOLD_TEST_MESHES}/a.obj\"}\n").catalog[0].mesh,
+            (folder_ / "meshes/a.obj").string());
+  EXPECT_EQ(load("  - {folder: \"${HANDHOLD_TEST_MESHES}\", unit: m}\n").catalog.size(), 2U);
+  ASSERT_EQ(::unsetenv("HANDHOLD_TEST_MESHES"), 0);
+  EXPECT_THAT(refusal("  - {folder: \"${HANDHOLD_TEST_MESHES}\", unit: m}\n"), HasSubstr("HANDHOLD_TEST_MESHES"));
+}
+
 TEST_F(JobFile, FolderEntriesTakeTheirNamesFromFiles) {
   const Job stems = load("  - {folder: meshes, glob: \"*.*\", unit: m, friction: 0.3}\n");
   ASSERT_EQ(stems.catalog.size(), 2U);
