@@ -13,8 +13,15 @@ function(handhold_module name)
   list(TRANSFORM MODULE_SOURCES PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/${name}/)
   add_library(handhold_${name} STATIC ${MODULE_SOURCES})
   add_library(handhold::${name} ALIAS handhold_${name})
-  target_link_libraries(handhold_${name} PUBLIC handhold_flags Eigen3::Eigen ${MODULE_PUBLIC}
+  # Warnings are ours: who uses an installed library gets its headers and the language alone.
+  target_link_libraries(handhold_${name} PUBLIC $<BUILD_INTERFACE:handhold_flags> Eigen3::Eigen ${MODULE_PUBLIC}
                                          PRIVATE fmt::fmt ${MODULE_PRIVATE})
+  target_compile_features(handhold_${name} PUBLIC cxx_std_20)
+  target_include_directories(handhold_${name} INTERFACE $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/handhold>)
+  set_target_properties(handhold_${name} PROPERTIES EXPORT_NAME ${name})
+  install(TARGETS handhold_${name} EXPORT handhold ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR}/${name} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/handhold
+          FILES_MATCHING PATTERN "*.h")
 endfunction()
 
 # handhold_test(NAME SOURCES a.cpp ... LIBRARIES targets): one GoogleTest program, labelled fast.

@@ -9,10 +9,12 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -252,12 +254,17 @@ void requireSuccess(int status, const std::string& errors, const std::string& pa
 
 std::string importHelper() {
   const fs::path folder = programFolder();
-  for (const fs::path& place : {folder / kHelperName, folder / "../libexec/handhold" / kHelperName}) {
+  std::vector<fs::path> places = {folder, (folder / "../libexec/handhold").lexically_normal()};
+  const char* const given = std::getenv("HANDHOLD_LIBEXEC");
+  if (given != nullptr && *given != '\0') places.insert(places.begin(), given);
+  std::vector<std::string> tried;
+  for (const fs::path& place : places) {
     std::error_code error;
-    if (fs::exists(place, error)) return place.string();
+    if (fs::exists(place / kHelperName, error)) return (place / kHelperName).string();
+    tried.push_back(place.string());
   }
-  throw SystemError(fmt::format("{}: not found in {} nor in {}", kHelperName, folder.string(),
-                                (folder / "../libexec/handhold").lexically_normal().string()));
+  throw SystemError(fmt::format("{}: not found in {}; HANDHOLD_LIBEXEC may name its folder", kHelperName,
+                                fmt::join(tried, " nor in ")));
 }
 
 ImportedMesh importInChild(const std::string& helper, const std::string& path, const ImportLimits& limits) {

@@ -7,8 +7,9 @@
 
 namespace handhold {
 
-/// The program that reads mesh files: beside the running one, or where an install puts helpers.
-/// @throws SystemError  in neither place
+/// The program that reads mesh files: in $HANDHOLD_LIBEXEC (for programs that use the library), beside the running one,
+/// or where an install puts helpers.
+/// @throws SystemError  in no such place
 std::string importHelper();
 
 /// Runs `helper` on `path` in a child process, with a deadline on the wall clock, and takes over what it read.

@@ -63,6 +63,8 @@ struct Robot {
 /// the URDF's velocity limits hold as well.
 /// @throws InputError  naming file, line, key or element
 Robot loadRobot(const std::string& path, const PackagePaths& packages = {});
+/// The same from the text of a robot.yaml; `path` is where it would lie.
+Robot parseRobot(const std::string& configText, const std::string& path, const PackagePaths& packages = {});
 
 /// Index of the arm called `name`, -1 when there is none.
 int findArm(const Robot& robot, const std::string& name);

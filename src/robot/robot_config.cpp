@@ -328,8 +328,12 @@ Robot loadRobot(const std::string& path, const PackagePaths& packages) {
   if (!fs::exists(file)) {
     throw InputError(fmt::format("{}: does not exist, want a robot's folder with robot.yaml", file.string()));
   }
+  return parseRobot(readFile(file), file.string(), packages);
+}
+
+Robot parseRobot(const std::string& configText, const std::string& path, const PackagePaths& packages) {
+  const fs::path file(path);
   Robot robot;
-  const std::string configText = readFile(file);
   const YamlValue top = YamlValue::parseText(configText, file.string());
   top.allowKeys({"urdf", "arms", "home", "max_velocity", "max_acceleration", "clearance", "allowed_collisions", "score",
                  "workspace"});
