@@ -21,6 +21,7 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 namespace handhold {
 namespace {
@@ -64,6 +65,13 @@ class TimeoutError : public std::runtime_error {
 /// N*R*M as far as it is known before sampling.
 std::size_t expectedTrials(const Job& job, const Hand& hand) { return job.samples * job.rolls * hand.preshapes.size(); }
 
+/// Which folder a path leads to, however it is called; none when it leads to no folder.
+std::optional<std::pair<dev_t, ino_t>> folderAt(const fs::path& path) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)) return std::nullopt;
+  return std::pair(status.st_dev, status.st_ino);
+}
+
 std::string absolutePath(const fs::path& path) { return fs::absolute(path).lexically_normal().string(); }
 
 /// The record of these inputs' failure, when they are to be left alone for it.
@@ -85,7 +93,11 @@ class JobRun {
         cancel_(cancel),
         progress_(progress),
         jobs_(options.threads),
-        meshHashes_(database.folder()) {}
+        meshHashes_(database.folder()) {
+    std::error_code error;
+    fs::create_directories(database.folder(), error);  // the first write tells when it could not
+    folder_ = folderAt(database.folder());
+  }
 
   void runObject(const Selection& selection) {
     const CatalogItem& item = *selection.item;
@@ -155,6 +167,7 @@ class JobRun {
       if (!set) return;
       if (fast) set->seconds["fields"] = fast->seconds;
       const std::size_t grasps = set->graspCount();
+      requireSameFolder();
       const fs::path path = database_.write(std::move(*set));
       if (fast) fast->seconds = 0;
       checkpoint.remove();
@@ -163,6 +176,15 @@ class JobRun {
       if (grasps == 0) logWarning(fmt::format("{} x {}: no grasp is force closed", item.name, hand.name));
       logInfo(fmt::format("{} x {}: {} grasps, {}", item.name, hand.name, grasps, path.string()));
     });
+  }
+
+  /// A database that was removed or unmounted meanwhile is not begun anew in its place.
+  void requireSameFolder() const {
+    if (folder_ && folderAt(database_.folder()) != folder_) {
+      throw SystemError(
+          fmt::format("{}: is not the folder that the build began with: it was removed, moved or unmounted",
+                      database_.folder().string()));
+    }
   }
 
   /// Once a run: a grasp's load margin is then unknown.
@@ -239,6 +261,7 @@ class JobRun {
 
   const Job& job_;
   const Database& database_;
+  std::optional<std::pair<dev_t, ino_t>> folder_;  // of the database
   const BuildOptions& options_;
   const std::atomic<bool>& cancel_;
   Progress& progress_;
