@@ -5,7 +5,6 @@
 #include "support/sanitized.h"
 
 #include <numbers>
-#include <regex>
 #include <sstream>
 
 #include <gmock/gmock.h>
@@ -48,9 +47,14 @@ class TaskTest : public PlanWorld {
     std::string result = "<robot name=\"pumas\"><link name=\"floor\"/>\n";
     for (const char* side : {"right", "left"}) {
       std::string one = all.substr(begin, end - begin);
-      one = std::regex_replace(one, std::regex("<material name=\"[a-z]+\"/>"), "");
-      one = std::regex_replace(one, std::regex("(link name|joint name|parent link|child link)=\""),
-                               std::string("$1=\"") + side + "_");
+      for (std::size_t at = one.find("<material"); at != std::string::npos; at = one.find("<material", at)) {
+        one.erase(at, one.find("/>", at) + 2 - at);
+      }
+      for (const std::string name : {"link name=\"", "joint name=\"", "parent link=\"", "child link=\""}) {
+        for (std::size_t at = one.find(name); at != std::string::npos; at = one.find(name, at + name.size())) {
+          one.insert(at + name.size(), std::string(side) + "_");
+        }
+      }
       result += fmt::format(
           "<joint name=\"{0}_mount\" type=\"fixed\"><parent link=\"floor\"/><child link=\"{0}_base\"/>"
           "<origin xyz=\"0 {1} 0\"/></joint>\n{2}",
