@@ -15,11 +15,11 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kFineStep = 2e-3, kCoarseStep = 3e-3;        // m, of first-touch fields
-constexpr double kFineColumn = 1.5e-3, kCoarseColumn = 3e-3;  // m
-constexpr int kPoses = 256;                                   // a motion is laid out at so many steps
-constexpr int kLongestStride = 24;                            // of these, while nothing is near
-constexpr double kSpeedReserve = 1.25;                        // speeds change within a stride
+constexpr double kFineStep = 2e-3, kCoarseStep = 3e-3, kWideStep = 12e-3;  // m, of first-touch fields
+constexpr double kFineColumn = 1.5e-3, kCoarseColumn = 3e-3;               // m
+constexpr int kPoses = 256;                                                // a motion is laid out at so many steps
+constexpr int kLongestStride = 24;                                         // of these, while nothing is near
+constexpr double kSpeedReserve = 1.25;                                     // speeds change within a stride
 
 /// The poses of a motion's leaves in B at s = range i / kPoses: poses[i][leaf], inverted (B to link).
 using PoseTable = std::vector<std::vector<Isometry3d>>;
@@ -171,11 +171,25 @@ PoseTable layOutPoses(const Hand& hand, const Motion& motion, Eigen::VectorXd q)
   return table;
 }
 
-/// The first s at which a ball of `radius` about `p` can be touched, walking the table from its beginning or its end.
+/// The radius of the ball about a node that holds those of `radius` about all points of its cell.
+double reachOf(double step, double radius) { return 0.5 * std::sqrt(3.0) * step + radius + 1e-5; }
+
+/// The value of the node whose cell `p` is in; kNever outside the lattice.
+std::uint32_t nearestValue(const Lattice<std::uint32_t>& lattice, const Vector3d& p) {
+  std::array<int, 3> at{};
+  for (int i = 0; i < 3; ++i) {
+    const double u = (p[i] - lattice.origin[i]) / lattice.step + 0.5;
+    if (!(u >= 0 && u < lattice.size[i])) return Motion::kNever;
+    at[i] = static_cast<int>(u);
+  }
+  return lattice.value[lattice.index(at[0], at[1], at[2])];
+}
+
+/// The first step, no earlier than `safe`, at which a ball of `radius` about `p` can be touched, walking the table from
+/// its beginning or its end. `safe`: up to there nothing touches.
 double firstTouch(const std::vector<const LinkGrid*>& grids, const PoseTable& table, const Vector3d& p, double radius,
-                  bool backwards) {
-  double safe = 0;  // steps from the beginning of the walk, up to which nothing touches
-  for (int i = 0; i <= kPoses;) {
+                  bool backwards, double safe) {
+  for (int i = static_cast<int>(safe); i <= kPoses;) {
     const int at = backwards ? kPoses - i : i;
     const int next = backwards ? std::max(at - 1, 0) : std::min(at + 1, kPoses);
     double stride = kLongestStride;
@@ -192,9 +206,13 @@ double firstTouch(const std::vector<const LinkGrid*>& grids, const PoseTable& ta
   return kInfinity;
 }
 
+/// First touch for balls of `radius` around all points of each cell. A node's walk starts where that of the wider balls
+/// of `outer`, when given, ended.
 Lattice<std::uint32_t> firstTouchField(const std::vector<const LinkGrid*>& grids, const PoseTable& table, double step,
-                                       double blockRadius, const std::atomic<bool>* cancel) {
-  const double reach = 0.5 * std::sqrt(3.0) * step + blockRadius + 1e-5;
+                                       double radius, const Lattice<std::uint32_t>* outer,
+                                       const std::atomic<bool>* cancel) {
+  constexpr double kUnit = static_cast<double>(Motion::kLastUnit) / kPoses;
+  const double reach = reachOf(step, radius);
   AlignedBox3d box;
   for (const auto& poses : table) {
     for (std::size_t k = 0; k < grids.size(); ++k) {
@@ -212,19 +230,37 @@ Lattice<std::uint32_t> firstTouchField(const std::vector<const LinkGrid*>& grids
       throwIfCancelled(cancel);
       for (int x = 0; x < field.size[0]; ++x) {
         const Vector3d p = field.node(x, y, z);
-        const double first = firstTouch(grids, table, p, reach, false);
+        double fromFirst = 0, fromLast = 0;
+        if (outer != nullptr) {
+          const std::uint32_t around = nearestValue(*outer, p);
+          if (around == Motion::kNever) continue;
+          fromFirst = (around & 0xFFFF) / kUnit;
+          fromLast = kPoses - (around >> 16) / kUnit;
+        }
+        const double first = firstTouch(grids, table, p, reach, false, fromFirst);
         if (first == kInfinity) continue;
-        const double last = kPoses - firstTouch(grids, table, p, reach, true);
-        const double unit = static_cast<double>(Motion::kLastUnit) / kPoses;
+        const double last = kPoses - firstTouch(grids, table, p, reach, true, fromLast);
         const auto firstUnit =
-            static_cast<std::uint32_t>(std::max(0.0, std::floor(std::min<double>(first, kPoses) * unit)));
-        const auto lastUnit =
-            static_cast<std::uint32_t>(std::clamp(std::ceil(last * unit), 0.0, static_cast<double>(Motion::kLastUnit)));
+            static_cast<std::uint32_t>(std::max(0.0, std::floor(std::min<double>(first, kPoses) * kUnit)));
+        const auto lastUnit = static_cast<std::uint32_t>(
+            std::clamp(std::ceil(last * kUnit), 0.0, static_cast<double>(Motion::kLastUnit)));
         field.value[field.index(x, y, z)] = firstUnit | (std::max(firstUnit, lastUnit) << 16);
       }
     }
   }
   return field;
+}
+
+FirstTouch firstTouchFields(const std::vector<const LinkGrid*>& grids, const PoseTable& table,
+                            const std::atomic<bool>* cancel) {
+  // The ball about a node holds those of the next finer field's nodes in its cell.
+  const double aroundCoarse = reachOf(kCoarseStep, Motion::kBlockRadius);
+  const Lattice<std::uint32_t> wide = firstTouchField(grids, table, kWideStep, aroundCoarse, nullptr, cancel);
+  FirstTouch touch;
+  touch.coarse = firstTouchField(grids, table, kCoarseStep, Motion::kBlockRadius, &wide, cancel);
+  static_assert(Motion::kBlockRadius > kFineStep);
+  touch.fine = firstTouchField(grids, table, kFineStep, 0, &touch.coarse, cancel);
+  return touch;
 }
 
 /// One vertical line through the hand: the intervals of z in which a ball of `reach` can touch, from the top.
@@ -423,9 +459,7 @@ HandFields::HandFields(const Hand& hand, const std::atomic<bool>* cancel)
       const PoseTable table = layOutPoses(hand, motion, q);
       std::vector<const LinkGrid*> moved;
       for (const MotionLeaf& leaf : motion.leaves) moved.push_back(grids[leaf.link].get());
-      motion.field = std::make_shared<const FirstTouch>(
-          FirstTouch{firstTouchField(moved, table, kFineStep, 0, cancel),
-                     firstTouchField(moved, table, kCoarseStep, Motion::kBlockRadius, cancel)});
+      motion.field = std::make_shared<const FirstTouch>(firstTouchFields(moved, table, cancel));
     }
     motions.push_back(std::move(motion));
     return static_cast<int>(motions.size() - 1);
