@@ -616,26 +616,10 @@ void PlaceTriangles(const ObjectShell& shell, const Placement& placement, kernel
 void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float reach, bool facing, Pairs& pairs) {
   const D d;
   const DU du;
-  const DI di;
   const std::size_t N = hn::Lanes(d);
   const auto& v = near.value;
-  const auto& lattice = grid.binBegin;
   std::size_t count = 0;
   for (std::uint32_t i = 0; i < near.id.size(); ++i) {
-    std::size_t bin = 0;
-    for (int axis = 2; axis >= 0; --axis) {
-      const float middle = (v[axis][i] + v[3 + axis][i] + v[6 + axis][i]) * (1.0F / 3);
-      const int at = static_cast<int>((middle - lattice.origin[axis]) / lattice.step + 0.5F);
-      bin = bin * lattice.size[axis] + static_cast<std::size_t>(std::min(std::max(at, 0), lattice.size[axis] - 1));
-    }
-    const std::uint32_t begin = lattice.value[bin], end = lattice.value[bin + 1];
-    const std::size_t room = count + (end - begin) + 2 * kGroup;
-    if (pairs.a.size() < room) {
-      pairs.a.resize(2 * room);
-      pairs.b.resize(2 * room);
-      pairs.enter.resize(2 * room);
-      pairs.leave.resize(2 * room);
-    }
     const auto all = [&](int k) { return V3{hn::Set(d, v[k][i]), hn::Set(d, v[k + 1][i]), hn::Set(d, v[k + 2][i])}; };
     const V3 a = all(0), b = all(3), c = all(6), normal = all(9);
     V lower[3], upper[3];
@@ -644,33 +628,57 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
       lower[axis] = hn::Set(d, std::min(p, std::min(q, r)) - reach);
       upper[axis] = hn::Set(d, std::max(p, std::max(q, r)) + reach);
     }
-    for (std::uint32_t k = begin; k < end; k += static_cast<std::uint32_t>(N)) {
-      const auto id = hn::LoadU(du, &grid.binTriangles[k]);
-      const VI at = hn::BitCast(di, id);
-      const auto gather = [&](int j) { return hn::GatherIndex(d, grid.triangle[j].data(), at); };
-      M may = hn::FirstN(d, end - k);
-      for (int axis = 0; axis < 3; ++axis) {
-        may = hn::And(may, hn::And(hn::Le(hn::LoadU(d, &grid.binBox[axis][k]), upper[axis]),
-                                   hn::Ge(hn::LoadU(d, &grid.binBox[3 + axis][k]), lower[axis])));
+    const auto meets = [&](const Boxes& boxes, std::size_t k) {
+      const auto along = [&](int axis) {
+        return hn::And(hn::Le(hn::LoadU(d, &boxes.bound[axis][k]), upper[axis]),
+                       hn::Ge(hn::LoadU(d, &boxes.bound[3 + axis][k]), lower[axis]));
+      };
+      return hn::And(along(0), hn::And(along(1), along(2)));
+    };
+    // Which of a run of boxes are met, by index.
+    const auto listMet = [&](const Boxes& boxes, std::size_t begin, std::size_t end, std::uint32_t* ids) {
+      std::size_t n = 0;
+      for (std::size_t k = begin; k < end; k += N) {
+        n += storeSelected(meets(boxes, k), hn::Iota(du, static_cast<std::uint32_t>(k)), ids + n);
       }
-      if (hn::AllFalse(d, may)) continue;
-      const V3 n = {gather(9), gather(10), gather(11)};
-      const V offset = gather(12);
-      const V da = hn::Sub(dot(n, a), offset), db = hn::Sub(dot(n, b), offset), dc = hn::Sub(dot(n, c), offset);
-      const V low = hn::Min(da, hn::Min(db, dc)), high = hn::Max(da, hn::Max(db, dc));
-      may = hn::And(may, hn::And(hn::Le(low, hn::Set(d, reach)), hn::Ge(high, hn::Set(d, -reach))));
-      if (facing) may = hn::And(may, hn::Lt(dot(n, normal), hn::Zero(d)));
-      if (hn::AllFalse(d, may)) continue;
-      V lowest = hn::Set(d, kInfinity), highest = hn::Set(d, -kInfinity);
-      for (int j = 0; j < 9; j += 3) {
-        const V side = dot(normal, V3{gather(j), gather(j + 1), gather(j + 2)} - a);
-        lowest = hn::Min(lowest, side);
-        highest = hn::Max(highest, side);
+      return n;
+    };
+    const auto addPairs = [&](std::size_t block) {
+      if (pairs.a.size() < count + 2 * kGroup) {
+        for (auto* array : {&pairs.a, &pairs.b}) array->resize(2 * count + 4 * kGroup);
+        for (auto* array : {&pairs.enter, &pairs.leave}) array->resize(2 * count + 4 * kGroup);
       }
-      may = hn::And(may, hn::And(hn::Le(lowest, hn::Set(d, reach)), hn::Ge(highest, hn::Set(d, -reach))));
-      const std::size_t found = storeSelected(may, id, &pairs.b[count]);
-      for (std::size_t j = 0; j < found; ++j) pairs.a[count + j] = i;
-      count += found;
+      for (std::size_t k = kGroup * block; k < kGroup * (block + 1); k += N) {
+        const auto value = [&](int j) { return hn::LoadU(d, &grid.triangle[j][k]); };
+        M may = meets(grid.triangleBoxes, k);
+        if (hn::AllFalse(d, may)) continue;
+        const V3 n = {value(9), value(10), value(11)};
+        const V offset = value(12);
+        const V da = hn::Sub(dot(n, a), offset), db = hn::Sub(dot(n, b), offset), dc = hn::Sub(dot(n, c), offset);
+        const V low = hn::Min(da, hn::Min(db, dc)), high = hn::Max(da, hn::Max(db, dc));
+        may = hn::And(may, hn::And(hn::Le(low, hn::Set(d, reach)), hn::Ge(high, hn::Set(d, -reach))));
+        if (facing) may = hn::And(may, hn::Lt(dot(n, normal), hn::Zero(d)));
+        if (hn::AllFalse(d, may)) continue;
+        V lowest = hn::Set(d, kInfinity), highest = hn::Set(d, -kInfinity);
+        for (int j = 0; j < 9; j += 3) {
+          const V side = dot(normal, V3{value(j), value(j + 1), value(j + 2)} - a);
+          lowest = hn::Min(lowest, side);
+          highest = hn::Max(highest, side);
+        }
+        may = hn::And(may, hn::And(hn::Le(lowest, hn::Set(d, reach)), hn::Ge(highest, hn::Set(d, -reach))));
+        const std::size_t found = storeSelected(may, hn::Iota(du, static_cast<std::uint32_t>(k)), &pairs.b[count]);
+        std::fill_n(&pairs.a[count], found, i);
+        count += found;
+      }
+    };
+    alignas(64) std::uint32_t superblocks[2 * kGroup], blocks[2 * kGroup];
+    for (std::size_t s = 0; s < grid.superblockBoxes.size(); s += kGroup) {
+      const std::size_t metAbove = listMet(grid.superblockBoxes, s, s + kGroup, superblocks);
+      for (std::size_t j = 0; j < metAbove; ++j) {
+        const std::size_t begin = static_cast<std::size_t>(superblocks[j]) * kGroup;
+        const std::size_t met = listMet(grid.blockBoxes, begin, begin + kGroup, blocks);
+        for (std::size_t k = 0; k < met; ++k) addPairs(blocks[k]);
+      }
     }
   }
   for (std::size_t j = count; j < (count + kGroup - 1) / kGroup * kGroup; ++j) pairs.a[j] = pairs.b[j] = 0;

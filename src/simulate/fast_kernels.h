@@ -80,7 +80,8 @@ struct NearTriangles {
 /// Moves the triangles `near.id` into the link frame.
 void placeTriangles(const ObjectShell& shell, const Placement& placement, NearTriangles& near);
 
-/// Pairs of a near triangle `a` and a link's triangle `b` with the interval of tau in which they meet.
+/// Pairs of a near triangle `a` and a link's triangle `b`, both by place in their arrays, with the interval of tau in
+/// which they meet.
 struct Pairs {
   std::vector<std::uint32_t> a, b;
   std::vector<float> enter, leave;

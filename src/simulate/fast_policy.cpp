@@ -834,7 +834,8 @@ class FastPolicy final : public GraspPolicy {
       if (pairs.count == 0) continue;
       keys_.clear();
       for (std::size_t i = 0; i < pairs.count; ++i) {
-        keys_.push_back(static_cast<std::uint64_t>(shell_->source[search.near.id[pairs.a[i]]]) << 32 | pairs.b[i]);
+        keys_.push_back(static_cast<std::uint64_t>(shell_->source[search.near.id[pairs.a[i]]]) << 32 |
+                        fields_->grids[link]->source[pairs.b[i]]);
       }
       std::sort(keys_.begin(), keys_.end());
       keys_.erase(std::unique(keys_.begin(), keys_.end()), keys_.end());

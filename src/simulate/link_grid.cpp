@@ -4,6 +4,7 @@
 #include "mesh/mass_properties.h"
 #include "mesh/ray_scene.h"
 #include "simulate/contacts.h"
+#include "simulate/object_shell.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,6 +14,7 @@ namespace handhold {
 namespace {
 
 using Eigen::AlignedBox3d;
+using Eigen::AlignedBox3f;
 using Eigen::Vector3d;
 
 constexpr double kStep = 1e-3;                 // m
@@ -225,6 +227,33 @@ bool isHidden(const RayScene& scene, const Corners& t, const Vector3d& normal) {
   });
 }
 
+/// Meets nothing.
+const AlignedBox3f kNoBox(Eigen::Vector3f::Constant(std::numeric_limits<float>::max()),
+                          Eigen::Vector3f::Constant(std::numeric_limits<float>::lowest()));
+
+/// The boxes around runs of 16.
+std::vector<AlignedBox3f> boxesAround(const std::vector<AlignedBox3f>& inner) {
+  std::vector<AlignedBox3f> outer;
+  for (std::size_t i = 0; i < inner.size(); ++i) {
+    if (i % SphereTree::kWidth == 0) outer.push_back(kNoBox);
+    outer.back() =
+        AlignedBox3f(outer.back().min().cwiseMin(inner[i].min()), outer.back().max().cwiseMax(inner[i].max()));
+  }
+  return outer;
+}
+
+Boxes padded(std::vector<AlignedBox3f> boxes) {
+  while (boxes.size() % SphereTree::kWidth != 0) boxes.push_back(kNoBox);
+  Boxes result;
+  for (const AlignedBox3f& box : boxes) {
+    for (int k = 0; k < 3; ++k) {
+      result.bound[k].push_back(box.min()[k]);
+      result.bound[3 + k].push_back(box.max()[k]);
+    }
+  }
+  return result;
+}
+
 double signedVolume(const TriangleMesh& mesh) {
   double volume = 0;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
@@ -247,28 +276,21 @@ LinkGrid::LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel) {
   // Off the round numbers of drawings, so that no row of nodes runs within a face.
   layOut(distance, box.min() - Vector3d::Constant(kMargin) - step * Vector3d(0.137, 0.291, 0.411), extent, step);
   distance.value.assign(distance.index(0, 0, distance.size[2]), std::numeric_limits<float>::infinity());
-  layOut(binBegin, box.min() - Vector3d::Constant(kMargin), extent, kBinStep);
-  const double binReach = kReach + 0.5 * std::sqrt(3.0) * kBinStep;
   const RayScene scene(mesh);
-  std::vector<std::vector<std::uint32_t>> bins(binBegin.index(0, 0, binBegin.size[2]));
+  std::vector<std::uint32_t> visible;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     throwIfCancelled(cancel);
     const Corners corners = mesh.corners(i);
     const bool hidden = closed && isHidden(scene, corners, mesh.normal(i));
-    if (!hidden)
-      visitNear(distance, corners, kBand, [&](int x, int y, int z, double d) {
-        float& value = distance.value[distance.index(x, y, z)];
-        value = std::min(value, static_cast<float>(d));
-      });
-    if (!hidden)
-      visitNear(binBegin, corners, binReach, [&](int x, int y, int z, double) {
-        bins[binBegin.index(x, y, z)].push_back(static_cast<std::uint32_t>(i));
-      });
     normal.push_back(mesh.normal(i));
-    for (int k = 0; k < 9; ++k) triangle[k].push_back(static_cast<float>(corners[k / 3][k % 3]));
-    for (int k = 0; k < 3; ++k) triangle[9 + k].push_back(static_cast<float>(normal.back()[k]));
-    triangle[12].push_back(static_cast<float>(normal.back().dot(corners[0])));
+    if (hidden) continue;
+    visible.push_back(static_cast<std::uint32_t>(i));
+    visitNear(distance, corners, kBand, [&](int x, int y, int z, double d) {
+      float& value = distance.value[distance.index(x, y, z)];
+      value = std::min(value, static_cast<float>(d));
+    });
   }
+  addTriangles(mesh, visible);
   throwIfCancelled(cancel);
   fillBeyondBand(distance);
   throwIfCancelled(cancel);
@@ -277,19 +299,30 @@ LinkGrid::LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel) {
   if (!closed) {
     for (float& value : distance.value) value -= static_cast<float>(kOpenShrink * step);
   }
-  for (const auto& bin : bins) {
-    binBegin.value.push_back(static_cast<std::uint32_t>(binTriangles.size()));
-    binTriangles.insert(binTriangles.end(), bin.begin(), bin.end());
-  }
-  binBegin.value.push_back(static_cast<std::uint32_t>(binTriangles.size()));
-  constexpr std::size_t kWidestVector = 16;  // may be read past the last bin
-  binTriangles.resize(binTriangles.size() + kWidestVector, 0);
-  for (const std::uint32_t i : binTriangles) {
-    const AlignedBox3d around = boxAround(mesh.corners(i), 0);
-    for (int k = 0; k < 3; ++k) binBox[k].push_back(static_cast<float>(around.min()[k]));
-    for (int k = 0; k < 3; ++k) binBox[3 + k].push_back(static_cast<float>(around.max()[k]));
-  }
   error = interpolationErrors(distance);
+}
+
+void LinkGrid::addTriangles(const TriangleMesh& mesh, const std::vector<std::uint32_t>& visible) {
+  std::vector<Vector3d> place;
+  for (const std::uint32_t i : visible) {
+    const auto [a, b, c] = mesh.corners(i);
+    place.push_back((a + b + c) / 3);
+  }
+  for (const std::uint32_t i : orderByPlace(place)) source.push_back(visible[i]);
+  std::vector<AlignedBox3f> boxes;
+  for (std::size_t at = 0; at < source.size(); ++at) {
+    const std::uint32_t i = source[at];
+    const Corners corners = mesh.corners(i);
+    for (int k = 0; k < 9; ++k) triangle[k].push_back(static_cast<float>(corners[k / 3][k % 3]));
+    for (int k = 0; k < 3; ++k) triangle[9 + k].push_back(static_cast<float>(normal[i][k]));
+    triangle[12].push_back(static_cast<float>(normal[i].dot(corners[0])));
+    const AlignedBox3d box = boxAround(corners, 0);
+    boxes.push_back(at < visible.size() ? AlignedBox3f(box.min().cast<float>(), box.max().cast<float>()) : kNoBox);
+  }
+  triangleBoxes = padded(boxes);
+  boxes = boxesAround(boxes);
+  blockBoxes = padded(boxes);
+  superblockBoxes = padded(boxesAround(boxes));
 }
 
 double LinkGrid::upperBound(const Vector3d& p) const {

@@ -25,16 +25,23 @@ struct Lattice {
   }
 };
 
+/// Axis-aligned boxes: lower x, y, z, then upper x, y, z, as arrays, padded to a multiple of 16 with boxes that meet
+/// nothing.
+struct Boxes {
+  std::array<std::vector<float>, 6> bound;
+
+  std::size_t size() const { return bound[0].size(); }
+};
+
 /// The signed distance to a link's surface, negative inside, on a lattice in the link frame, and the link's triangles
-/// in bins. Within `kBand` of the surface the distances are exact at the nodes; beyond they are lower bounds. Where the
-/// mesh is open its inside is not known: then distances are lowered by `kOpenShrink` steps so that a sheet has one.
-/// Triangles that lie inside another piece of the link are left out: nothing can touch them first.
+/// in blocks of 16 neighbours and superblocks of 16 blocks. Within `kBand` of the surface the distances are exact at
+/// the nodes; beyond they are lower bounds. Where the mesh is open its inside is not known: then distances are lowered
+/// by `kOpenShrink` steps so that a sheet has one. Triangles that lie inside another piece of the link are left out:
+/// nothing can touch them first.
 /// @note Immutable; safe from many threads.
 struct LinkGrid {
   static constexpr double kBand = 4e-3;        // m
   static constexpr double kMargin = 4e-3;      // m, of the lattice around the link
-  static constexpr double kBinStep = 2.5e-3;   // m
-  static constexpr double kReach = 3.5e-3;     // m, a bin lists the triangles that come this close to it
   static constexpr double kOpenShrink = 0.75;  // lattice steps
 
   /// @throws Cancelled  soon after `cancel` became true
@@ -46,16 +53,18 @@ struct LinkGrid {
   double upperBound(const Eigen::Vector3d& p) const;
 
   Lattice<float> distance;
-  std::vector<float> error;         // per cell, at its lowest node: how far above the truth interpolation may lie [m]
-  bool closed = false;              // oriented outward and without boundary
-  Eigen::Vector3d center;           // of the bounding sphere
-  double radius = 0;                // m
-  Lattice<std::uint32_t> binBegin;  // first entry of each bin in binTriangles; nodes are the bins' centres
-  std::vector<std::uint32_t> binTriangles;
-  std::array<std::vector<float>, 6> binBox;  // of each entry of binTriangles: lower (3), upper (3)
-  /// Per triangle: corners (9), unit normal and offset (4), in 13 arrays.
+  std::vector<float> error;  // per cell, at its lowest node: how far above the truth interpolation may lie [m]
+  bool closed = false;       // oriented outward and without boundary
+  Eigen::Vector3d center;    // of the bounding sphere
+  double radius = 0;         // m
+  Boxes triangleBoxes, blockBoxes, superblockBoxes;
+  /// Per triangle: corners (9), unit normal and offset (4), in 13 arrays; block b at 16 b.
   std::array<std::vector<float>, 13> triangle;
-  std::vector<Eigen::Vector3d> normal;  // unit
+  std::vector<std::uint32_t> source;    // of each triangle: its index in the mesh
+  std::vector<Eigen::Vector3d> normal;  // unit, of each triangle of the mesh
+
+ private:
+  void addTriangles(const TriangleMesh& mesh, const std::vector<std::uint32_t>& visible);
 };
 
 }  // namespace handhold

@@ -87,8 +87,7 @@ void addSharpEdges(const TriangleMesh& mesh, const std::vector<Vector3d>& normal
   }
 }
 
-/// An order of the indices in which runs of 16 (and of 256) lie close together: halves across the longest side of their
-/// box, cut at multiples of 256, then of 16.
+/// Halves across the longest side of the box, cut at multiples of 256, then of 16.
 void orderByPlace(const std::vector<Vector3d>& place, std::vector<std::uint32_t>::iterator begin,
                   std::vector<std::uint32_t>::iterator end) {
   const auto count = static_cast<std::size_t>(end - begin);
@@ -104,16 +103,6 @@ void orderByPlace(const std::vector<Vector3d>& place, std::vector<std::uint32_t>
   });
   orderByPlace(place, begin, middle);
   orderByPlace(place, middle, end);
-}
-
-std::vector<std::uint32_t> orderByPlace(const std::vector<Vector3d>& place) {
-  std::vector<std::uint32_t> order(place.size());
-  std::iota(order.begin(), order.end(), 0U);
-  orderByPlace(place, order.begin(), order.end());
-  const std::size_t full = (order.size() + kWidth - 1) / kWidth * kWidth;
-  const std::uint32_t last = order.back();
-  order.resize(full, last);  // repeated, so that blocks are full
-  return order;
 }
 
 /// The spheres around runs of 16 of `inner`.
@@ -164,6 +153,16 @@ std::pair<Vector3d, double> boundingSphere(const Corners& t) {
 }
 
 }  // namespace
+
+std::vector<std::uint32_t> orderByPlace(const std::vector<Vector3d>& place) {
+  std::vector<std::uint32_t> order(place.size());
+  std::iota(order.begin(), order.end(), 0U);
+  orderByPlace(place, order.begin(), order.end());
+  const std::size_t full = (order.size() + kWidth - 1) / kWidth * kWidth;
+  const std::uint32_t last = order.back();
+  order.resize(full, last);  // repeated, so that blocks are full
+  return order;
+}
 
 void SphereTree::Spheres::add(const Vector3d& center, double r) {
   x.push_back(static_cast<float>(center.x()));

@@ -21,6 +21,10 @@ struct SphereTree {
   Spheres blocks, superblocks;  // both padded to a multiple of 16 with spheres that nothing can touch
 };
 
+/// An order of the indices, never empty, in which runs of 16 (and of 256) lie close together; the last is repeated up
+/// to a multiple of 16.
+std::vector<std::uint32_t> orderByPlace(const std::vector<Eigen::Vector3d>& place);
+
 /// Spheres of a few millimetres that cover a surface (blocks of the tree).
 SphereTree coverSurface(const TriangleMesh& mesh);
 

@@ -83,11 +83,15 @@ std::vector<Interval> touchIntervals(const std::vector<Case>& cases) {
       near.value[12 + k][i] = static_cast<float>(velocity[k]);
     }
     near.id.push_back(static_cast<std::uint32_t>(i));
-    pairs.a[i] = pairs.b[i] = static_cast<std::uint32_t>(i);
   }
-  kernels::touchIntervals(LinkGrid(link), near, pairs.count, pairs);
-  std::vector<Interval> result;
-  for (std::size_t i = 0; i < cases.size(); ++i) result.push_back({pairs.enter[i], pairs.leave[i]});
+  const LinkGrid grid(link);
+  for (std::uint32_t i = 0; i < cases.size(); ++i) {  // the grid orders its triangles
+    pairs.a[i] = grid.source[i];
+    pairs.b[i] = i;
+  }
+  kernels::touchIntervals(grid, near, pairs.count, pairs);
+  std::vector<Interval> result(cases.size());
+  for (std::size_t i = 0; i < cases.size(); ++i) result[pairs.a[i]] = {pairs.enter[i], pairs.leave[i]};
   return result;
 }
 

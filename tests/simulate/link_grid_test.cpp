@@ -6,6 +6,8 @@
 #include "mesh/primitives.h"
 #include "mesh/ray_scene.h"
 #include "mesh/shapes.h"
+#include "simulate/contacts.h"
+#include "simulate/fast_kernels.h"
 #include "support/brute_force.h"
 
 #include <algorithm>
@@ -126,10 +128,7 @@ bool interpolate(const LinkGrid& grid, const Vector3d& p, double& distance, doub
   return true;
 }
 
-std::set<std::uint32_t> trianglesInBins(const LinkGrid& grid) {
-  const auto count = static_cast<std::ptrdiff_t>(grid.binBegin.value.back());  // behind it the list is padded
-  return {grid.binTriangles.begin(), grid.binTriangles.begin() + count};
-}
+std::set<std::uint32_t> keptTriangles(const LinkGrid& grid) { return {grid.source.begin(), grid.source.end()}; }
 
 /// The shipped Barrett hand's first link of that name.
 TriangleMesh barrettLink(const std::string& name) {
@@ -140,10 +139,11 @@ TriangleMesh barrettLink(const std::string& name) {
   throw std::runtime_error("no link " + name);
 }
 
-/// The link without the triangles that no bin lists; AnOmittedTriangleIsHiddenEverywhere holds that they are hidden.
+/// The link without the triangles that the grid leaves out; AnOmittedTriangleIsHiddenEverywhere holds that they are
+/// hidden.
 TriangleMesh withoutOmitted(const TriangleMesh& mesh) {
   TriangleMesh kept{mesh.vertices, {}};
-  for (const std::uint32_t i : trianglesInBins(LinkGrid(mesh))) kept.triangles.push_back(mesh.triangles[i]);
+  for (const std::uint32_t i : keptTriangles(LinkGrid(mesh))) kept.triangles.push_back(mesh.triangles[i]);
   return kept;
 }
 
@@ -234,37 +234,48 @@ TEST_P(ClosedShape, InterpolationLessItsErrorIsNotAboveTheTruth) {
   if (HasFailure()) std::cout << "largest excess " << worst << " m\n";
 }
 
-// A bin lists the triangles that come within the reach of any point of it.
-TEST_P(ClosedShape, BinsListEveryTriangleWithinReach) {
+// Of a small triangle the pairs hold every kept triangle that one of its corners comes within the reach of.
+TEST_P(ClosedShape, PairsHoldEveryTriangleWithinReach) {
+  constexpr float kReach = 1e-3F;  // m
+  constexpr double kSize = 2e-3;   // m
   const Measured m = shape(GetParam());
-  const Lattice<std::uint32_t>& bins = m.grid.binBegin;
-  const std::set<std::uint32_t> kept = trianglesInBins(m.grid);
-  std::size_t listed = 0;
+  const std::set<std::uint32_t> kept = keptTriangles(m.grid);
+  std::size_t within = 0, found = 0;
+  kernels::NearTriangles near;
+  kernels::Pairs pairs;
   for (int i = 0; i < kPoints; ++i) {
-    const Vector3d p = m.point(i);
-    std::array<int, 3> at{};
-    bool inside = true;
+    const RandomStream stream = RandomStream(8).child(i);
+    Corners corners;
     for (int k = 0; k < 3; ++k) {
-      at[k] = static_cast<int>(std::floor((p[k] - bins.origin[k]) / bins.step + 0.5));
-      inside = inside && at[k] >= 0 && at[k] < bins.size[k];
+      corners[k] =
+          m.point(i) + kSize * Vector3d(stream.uniform(3 * k), stream.uniform(3 * k + 1), stream.uniform(3 * k + 2));
     }
-    if (!inside) continue;
-    const std::size_t bin = bins.index(at[0], at[1], at[2]);
-    const std::set<std::uint32_t> here(m.grid.binTriangles.begin() + bins.value[bin],
-                                       m.grid.binTriangles.begin() + bins.value[bin + 1]);
+    const Vector3d normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized();
+    near.id = {0};
+    for (int k = 0; k < 9; ++k) near.value[k] = {static_cast<float>(corners[k / 3][k % 3])};
+    for (int k = 0; k < 3; ++k) near.value[9 + k] = {static_cast<float>(normal[k])};
+    kernels::findPairs(m.grid, near, kReach, false, pairs);
+    std::multiset<std::uint32_t> listed;
+    for (std::size_t j = 0; j < pairs.count; ++j) listed.insert(m.grid.source[pairs.b[j]]);
+    found += pairs.count;
     for (const std::uint32_t t : kept) {
-      if ((closestPointOnTriangle(p, m.mesh.corners(t)) - p).norm() > LinkGrid::kReach) continue;
-      EXPECT_TRUE(here.contains(t)) << "triangle " << t << " at " << p.transpose();
-      ++listed;
+      EXPECT_LE(listed.count(t), 1U) << "triangle " << t;
+      const Corners other = m.mesh.corners(t);
+      const bool isNear = std::any_of(corners.begin(), corners.end(), [&](const Vector3d& p) {
+        return (closestPointOnTriangle(p, other) - p).norm() < kReach - 1e-7;
+      });
+      EXPECT_TRUE(!isNear || listed.contains(t)) << "triangle " << t << " at " << corners[0].transpose();
+      within += isNear;
     }
   }
-  EXPECT_GT(listed, 1000U);
+  EXPECT_GT(within, 500U);
+  EXPECT_LT(found, kPoints * kept.size() / 8);
 }
 
 // Left out is only what lies inside: dense points of an omitted triangle, 10 um outwards, are all enclosed.
 TEST_P(ClosedShape, AnOmittedTriangleIsHiddenEverywhere) {
   const Measured m = shape(GetParam());
-  const std::set<std::uint32_t> kept = trianglesInBins(m.grid);
+  const std::set<std::uint32_t> kept = keptTriangles(m.grid);
   for (std::uint32_t t = 0; t < m.mesh.triangles.size(); ++t) {
     if (kept.contains(t)) continue;
     const auto [a, b, c] = m.mesh.corners(t);
@@ -282,7 +293,7 @@ TEST_P(ClosedShape, AnOmittedTriangleIsHiddenEverywhere) {
 
 TEST(LinkGrid, LeavesOutTheEndOfThePostInsideTheOtherPiece) {
   const Measured m(ell(), ellOutside());
-  const std::set<std::uint32_t> kept = trianglesInBins(m.grid);
+  const std::set<std::uint32_t> kept = keptTriangles(m.grid);
   EXPECT_EQ(kept.size(), m.mesh.triangles.size() - 2);
   for (std::uint32_t t = 0; t < m.mesh.triangles.size(); ++t) {
     const auto [a, b, c] = m.mesh.corners(t);
@@ -294,8 +305,8 @@ TEST(LinkGrid, LeavesOutTheEndOfThePostInsideTheOtherPiece) {
 TEST(LinkGrid, LeavesOutAPieceThatIsWhollyInside) {
   const TriangleMesh cube = test::cube(0.03);
   const Measured m(test::joined(cube, test::box({0.01, 0.01, 0.01}, {0.02, 0.02, 0.02})), cube);
-  EXPECT_EQ(trianglesInBins(m.grid).size(), 12U);
-  EXPECT_LT(*trianglesInBins(m.grid).rbegin(), 12U);
+  EXPECT_EQ(keptTriangles(m.grid).size(), 12U);
+  EXPECT_LT(*keptTriangles(m.grid).rbegin(), 12U);
   const Vector3d besideTheCore(0.0095, 0.015, 0.015);
   EXPECT_GE(m.grid.upperBound(besideTheCore), -0.0095);
   EXPECT_LT(m.grid.upperBound(besideTheCore), -0.003);
@@ -306,7 +317,7 @@ TEST(LinkGrid, KeepsTheWallsOfACavity) {
       test::joined(test::cube(0.03), test::insideOut(test::box({0.01, 0.01, 0.01}, {0.02, 0.02, 0.02})));
   const Measured m(mesh);
   EXPECT_TRUE(m.grid.closed);
-  EXPECT_EQ(trianglesInBins(m.grid).size(), 24U);
+  EXPECT_EQ(keptTriangles(m.grid).size(), 24U);
   const Vector3d inTheCavity(0.0118, 0.015, 0.0152);
   EXPECT_NEAR(m.truth(inTheCavity), 0.0018, 1e-8);
   EXPECT_GT(m.grid.upperBound(inTheCavity), 0.0018 - kRounding);
@@ -329,7 +340,7 @@ TEST(LinkGrid, AnOpenSheetIsBoundedFromBelow) {
   addRectangle(sheet, {0, 0, 0}, {0.03, 0, 0}, {0, 0.02, 0});
   const LinkGrid grid(sheet);
   EXPECT_FALSE(grid.closed);
-  EXPECT_EQ(trianglesInBins(grid).size(), 2U);
+  EXPECT_EQ(keptTriangles(grid).size(), 2U);
   for (int i = 0; i < kPoints; ++i) {
     const RandomStream stream = RandomStream(8).child(i);
     const Vector3d p(-0.01 + 0.05 * stream.uniform(0), -0.01 + 0.04 * stream.uniform(1),
