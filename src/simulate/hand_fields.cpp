@@ -269,15 +269,22 @@ struct Interval {
   int link;
 };
 
-void walkColumn(const std::vector<std::pair<const LinkGrid*, Isometry3d>>& placed, const Vector3d& start, double lowest,
-                double reach, std::vector<Interval>& intervals) {
+struct PlacedLink {
+  int link;
+  const LinkGrid* grid;
+  Isometry3d X_LG;
+  Vector3d center;  // of the bounding sphere, in G
+};
+
+void walkColumn(const std::vector<PlacedLink>& placed, const Vector3d& start, double lowest, double reach,
+                std::vector<Interval>& intervals) {
   constexpr double kInsideStep = 1e-3;  // m
   constexpr double kLeastStep = 1e-4;
   intervals.clear();
   double z = start.z();
   const auto gapOf = [&](std::size_t k) {
     const Vector3d p(start.x(), start.y(), z);
-    return placed[k].first->lowerBound(placed[k].second * p) - reach;
+    return placed[k].grid->lowerBound(placed[k].X_LG * p) - reach;
   };
   double freeDownTo = z;
   while (z > lowest) {
@@ -290,7 +297,7 @@ void walkColumn(const std::vector<std::pair<const LinkGrid*, Isometry3d>>& place
         nearest = k;
       }
     }
-    if (gap > 0) {
+    if (gap > 0) {  // infinite: there is nothing in this column
       freeDownTo = z - gap;
       z -= std::max(gap, kLeastStep);
       continue;
@@ -301,7 +308,7 @@ void walkColumn(const std::vector<std::pair<const LinkGrid*, Isometry3d>>& place
     if (!intervals.empty() && intervals.back().bottom - top < 2e-3) {
       intervals.back().bottom = z;  // one solid piece, or a gap too thin to matter
     } else {
-      intervals.push_back({top, z, static_cast<int>(nearest)});
+      intervals.push_back({top, z, placed[nearest].link});
     }
   }
   while (intervals.size() > 2) {  // the thinnest gap closes
@@ -375,12 +382,12 @@ bool moveAlike(const HandFields& fields, const Motion& a, const Motion& b) {
 ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape, double step, double blockRadius,
                         const std::atomic<bool>* cancel) {
   const double reach = std::sqrt(0.5) * step + blockRadius + 1e-5;
-  std::vector<std::pair<const LinkGrid*, Isometry3d>> placed;
+  std::vector<PlacedLink> placed;
   AlignedBox3d box;
   for (const int link : fields.links) {
     const LinkGrid& grid = *fields.grids[link];
-    placed.emplace_back(&grid, preshape.X_LG[link]);
     const Vector3d c = preshape.X_LG[link].inverse() * grid.center;
+    placed.push_back({link, &grid, preshape.X_LG[link], c});
     box.extend(Vector3d(c.array() - grid.radius - reach)).extend(Vector3d(c.array() + grid.radius + reach));
   }
   ColumnField field;
@@ -397,18 +404,23 @@ ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape
     field.bottom[k].value.assign(count, std::numeric_limits<float>::max());
     field.link[k].assign(count, 0);
   }
+  std::vector<PlacedLink> around;
   std::vector<Interval> intervals;
   for (int y = 0; y < empty.size[1]; ++y) {
     throwIfCancelled(cancel);
     for (int x = 0; x < empty.size[0]; ++x) {
       Vector3d start = empty.node(x, y, 0);
+      around.clear();
+      for (const PlacedLink& link : placed) {
+        if ((link.center - start).head<2>().norm() <= link.grid->radius + reach) around.push_back(link);
+      }
       start.z() = box.max().z();
-      walkColumn(placed, start, box.min().z(), reach, intervals);
+      walkColumn(around, start, box.min().z(), reach, intervals);
       for (std::size_t k = 0; k < intervals.size(); ++k) {
         const std::size_t i = empty.index(x, y, 0);
         field.top[k].value[i] = std::nextafter(static_cast<float>(intervals[k].top), 1.0F);
         field.bottom[k].value[i] = std::nextafter(static_cast<float>(intervals[k].bottom), -1.0F);
-        field.link[k][i] = static_cast<std::uint8_t>(fields.links[intervals[k].link]);
+        field.link[k][i] = static_cast<std::uint8_t>(intervals[k].link);
       }
     }
   }

@@ -162,53 +162,54 @@ void addSigns(const RayScene& scene, Lattice<float>& lattice) {
 /// shows a part; across two axes by half of its twist.
 std::vector<float> interpolationErrors(const Lattice<float>& lattice) {
   const auto& size = lattice.size;
-  const auto value = [&](int x, int y, int z) {
-    return lattice.value[lattice.index(std::clamp(x, 0, size[0] - 1), std::clamp(y, 0, size[1] - 1),
-                                       std::clamp(z, 0, size[2] - 1))];
-  };
-  const auto kink = [&](int x, int y, int z, int axis) {
-    const int dx = axis == 0 ? 1 : 0, dy = axis == 1 ? 1 : 0, dz = axis == 2 ? 1 : 0;
-    return std::max(0.0F, value(x - dx, y - dy, z - dz) + value(x + dx, y + dy, z + dz) - 2 * value(x, y, z));
-  };
+  const std::vector<float>& v = lattice.value;
+  const std::array<std::size_t, 3> stride = {1, lattice.index(0, 1, 0), lattice.index(0, 0, 1)};
   std::array<std::vector<float>, 3> kinks;
   for (int axis = 0; axis < 3; ++axis) {
-    for (int z = 0; z < size[2]; ++z) {
-      for (int y = 0; y < size[1]; ++y) {
-        for (int x = 0; x < size[0]; ++x) kinks[axis].push_back(kink(x, y, z, axis));
+    kinks[axis].assign(v.size(), 0.0F);
+    std::array<int, 3> at{};
+    for (at[2] = 0; at[2] < size[2]; ++at[2]) {
+      for (at[1] = 0; at[1] < size[1]; ++at[1]) {
+        const std::size_t row = lattice.index(0, at[1], at[2]);
+        // Beyond the boundary the value stays what it is there.
+        const auto kinkAt = [&](std::size_t i, bool isFirst, bool isLast) {
+          const float before = v[isFirst ? i : i - stride[axis]], after = v[isLast ? i : i + stride[axis]];
+          return std::max(0.0F, before + after - 2 * v[i]);
+        };
+        const std::size_t last = row + size[0] - 1;
+        if (axis == 0) {
+          kinks[0][row] = kinkAt(row, true, false);
+          for (std::size_t i = row + 1; i < last; ++i) kinks[0][i] = kinkAt(i, false, false);
+          kinks[0][last] = kinkAt(last, false, true);
+        } else {
+          const bool isFirst = at[axis] == 0, isLast = at[axis] == size[axis] - 1;
+          for (std::size_t i = row; i <= last; ++i) kinks[axis][i] = kinkAt(i, isFirst, isLast);
+        }
       }
     }
   }
-  std::vector<float> error(lattice.value.size(), 0.0F);
+  std::vector<float> error(v.size(), 0.0F);
   for (int z = 0; z + 1 < size[2]; ++z) {
     for (int y = 0; y + 1 < size[1]; ++y) {
-      for (int x = 0; x + 1 < size[0]; ++x) {
-        const std::array<int, 3> at = {x, y, z};
-        float sum = 0, twist = 0;
-        for (int axis = 0; axis < 3; ++axis) {
-          float most = 0;
-          const int u = (axis + 1) % 3, v = (axis + 2) % 3;
-          for (int c = 0; c < 4; ++c) {  // the cell's edges along the axis
-            std::array<int, 3> from = at;
-            from[u] += c & 1;
-            from[v] += c >> 1;
-            std::array<int, 3> to = from;
-            ++to[axis];
-            most = std::max(most, kinks[axis][lattice.index(from[0], from[1], from[2])] +
-                                      kinks[axis][lattice.index(to[0], to[1], to[2])]);
-          }
-          sum += most;
+      const std::size_t row = lattice.index(0, y, z), end = row + size[0] - 1;
+      for (int axis = 0; axis < 3; ++axis) {
+        const std::size_t along = stride[axis], u = stride[(axis + 1) % 3], w = stride[(axis + 2) % 3];
+        const std::vector<float>& k = kinks[axis];
+        for (std::size_t i = row; i < end; ++i) {  // of the cell's four edges along the axis
+          const float low = std::max(k[i] + k[i + along], k[i + u] + k[i + u + along]);
+          const float high = std::max(k[i + w] + k[i + w + along], k[i + u + w] + k[i + u + w + along]);
+          error[i] += 0.25F * std::max(low, high);
         }
-        for (int c = 0; c < 2; ++c) {
-          const auto across = [](float v00, float v10, float v01, float v11) {
-            return std::abs(v00 - v10 - v01 + v11);
-          };
-          twist = std::max(
-              {twist,
-               across(value(x, y, z + c), value(x + 1, y, z + c), value(x, y + 1, z + c), value(x + 1, y + 1, z + c)),
-               across(value(x, y + c, z), value(x + 1, y + c, z), value(x, y + c, z + 1), value(x + 1, y + c, z + 1)),
-               across(value(x + c, y, z), value(x + c, y + 1, z), value(x + c, y, z + 1), value(x + c, y + 1, z + 1))});
-        }
-        error[lattice.index(x, y, z)] = 0.25F * sum + 0.5F * twist + 1e-6F;
+      }
+      const auto twist = [&](std::size_t i, std::size_t a, std::size_t b) {
+        return std::abs(v[i] - v[i + a] - v[i + b] + v[i + a + b]);
+      };
+      const auto [dx, dy, dz] = stride;
+      for (std::size_t i = row; i < end; ++i) {
+        const float across = std::max(std::max(std::max(twist(i, dx, dy), twist(i + dz, dx, dy)),
+                                               std::max(twist(i, dx, dz), twist(i + dy, dx, dz))),
+                                      std::max(twist(i, dy, dz), twist(i + dx, dy, dz)));
+        error[i] += 0.5F * across + 1e-6F;
       }
     }
   }
@@ -340,8 +341,9 @@ double LinkGrid::upperBound(const Vector3d& p) const {
 double LinkGrid::lowerBound(const Vector3d& p) const {
   std::array<int, 3> at{};
   double outside = 0, offNode = 0;
+  const double steps = 1.0 / distance.step;
   for (int i = 0; i < 3; ++i) {
-    const double u = (p[i] - distance.origin[i]) / distance.step;
+    const double u = (p[i] - distance.origin[i]) * steps;
     const double inside = std::clamp(u, 0.0, static_cast<double>(distance.size[i] - 1));
     at[i] = static_cast<int>(inside + 0.5);
     outside += (u - inside) * (u - inside);
