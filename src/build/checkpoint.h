@@ -28,7 +28,7 @@ class Checkpoint {
  public:
   /// `FOLDER/.chunks-HASH`; nothing is made before the first chunk is written.
   /// @param trialsPerChunk  about; by default some seconds on one core
-  Checkpoint(const std::filesystem::path& folder, const std::string& inputHash, std::size_t trialsPerChunk = 8192);
+  Checkpoint(const std::filesystem::path& folder, const std::string& inputHash, std::size_t trialsPerChunk = 4096);
   std::size_t trialsPerChunk() const { return trialsPerChunk_; }
 
   /// False when there is no such chunk with as many samples, of so many trials each; `samples` are then what they were.
