@@ -26,6 +26,8 @@ constexpr double kConverged = 2e-7;  // m
 constexpr double kBeyondContacts = 6e-5, kMostWindow = 6e-4;
 constexpr double kSameAngle = 1e-5, kSameDistance = 1e-6;  // rad, m: links that touch within it stop a joint together
 constexpr double kHiddenWindow = 3e-3;                     // m, a free window that the dilated fields can hide
+constexpr float kCaution = 2.5e-4F;                        // m, that an interpolated depth may be too large by
+constexpr float kWorthAStep = 1e-4F;                       // m
 constexpr std::size_t kMostMuted = 16;                     // planes of slides that a motion keeps
 constexpr int kMostRounds = 24;  // of any exact search, before the trial goes to the reference
 
@@ -301,11 +303,38 @@ class FastPolicy final : public GraspPolicy {
     for (int round = 0; round < 8 * kMostRounds; ++round) {
       t = kernels::climb(static_cast<float>(t), lanes_, low, high);
       if (t > guess - kHiddenWindow) return guess;
+      if (const float depth = deepestPoint(static_cast<float>(t)); depth > kWorthAStep) {
+        t += depth;  // it stays inside for as long
+        continue;
+      }
       const double above = exactChain(t, kMostWindow);
       if (above == t) return t > start ? t + kClearance : t;
       t = above;
     }
     throw Unsettled{};
+  }
+
+  /// How deep any of the shell's points lies inside the hand at t, at least; <= 0: none for sure.
+  float deepestPoint(float t) {
+    float depth = 0;
+    const auto flush = [&](int link) {
+      Group& group = exitGroups_[link];
+      if (group.count == 0) return;
+      group.pad();
+      const PlacedGrid placed = {fields_->grids[link].get(), preshape_->fromPalm[link]};
+      alignas(64) float distance[kGroup];
+      kernels::distances({&placed, 1}, group.points, distance);
+      for (const float d : distance) depth = std::max(depth, -d - kCaution);
+    };
+    for (int k = 0; k < 2; ++k) {
+      for (std::size_t i = 0; i < lanes_; ++i) {
+        if (low_[k][i] > t || high_[k][i] <= t) continue;
+        const int link = static_cast<int>(laneLink_[k][i]);
+        if (exitGroups_[link].push(laneX_[i], laneY_[i], laneZ_[i] + t, 0)) flush(link);
+      }
+    }
+    for (const int link : fields_->links) flush(link);
+    return depth;
   }
 
   /// The end of the run of triangle pairs that t lies in, as far as pairs within `window` tell; t itself when it is
