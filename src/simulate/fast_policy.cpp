@@ -307,7 +307,7 @@ class FastPolicy final : public GraspPolicy {
         t += depth;  // it stays inside for as long
         continue;
       }
-      const double above = exactChain(t, kMostWindow);
+      const double above = exactChain(t, leastWindow());
       if (above == t) return t > start ? t + kClearance : t;
       t = above;
     }
