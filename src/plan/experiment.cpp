@@ -106,13 +106,15 @@ class SceneMaker {
  private:
   std::string headText(const Workspace& place, const Eigen::Vector3d& p, double yaw) const {
     const Eigen::Vector3d base = place.X_WB.translation();
+    const Eigen::Quaterniond turn(place.X_WB.linear());
     return fmt::format(
-        "robot: {{base: {{position: [{}, {}, {}]}}, joints: home{}}}\n"
+        "robot: {{base: {{position: [{}, {}, {}], orientation: [{}, {}, {}, {}]}}, joints: home{}}}\n"
         "target: {{object: {}, pose: {}}}\n"
         "obstacles:\n"
         "  - {{name: table, box: [{}, {}, {}], pose: {{position: [{}, {}, {}]}}}}\n",
-        base.x(), base.y(), base.z(), place.arm.empty() ? "" : ", arm: " + place.arm, object_, poseText(p, yaw),
-        place.tableSize.x(), place.tableSize.y(), place.tableSize.z(), place.tablePosition.x(), place.tablePosition.y(),
+        base.x(), base.y(), base.z(), turn.x(), turn.y(), turn.z(), turn.w(),
+        place.arm.empty() ? "" : ", arm: " + place.arm, object_, poseText(p, yaw), place.tableSize.x(),
+        place.tableSize.y(), place.tableSize.z(), place.tablePosition.x(), place.tablePosition.y(),
         place.tablePosition.z());
   }
 

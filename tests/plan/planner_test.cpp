@@ -1,5 +1,7 @@
 // Ranking and plans in scenes around a box on a table: what is returned holds, what cannot be done says why.
+#include "core/file.h"
 #include "plan/check_plan.h"
+#include "plan/experiment.h"
 #include "plan_world.h"
 #include "support/sanitized.h"
 
@@ -104,6 +106,23 @@ TEST_F(PlannerTest, RankingFollowsACommonRigidMotion) {
       EXPECT_TRUE(same->X_WH.isApprox(X * a.grasps[i].X_WH, 1e-9));
     }
   }
+}
+
+// A robot on a turned base stands so in random scenes, and in their files.
+TEST_F(PlannerTest, RandomScenesTurnTheBaseAsTheWorkspaceDoes) {
+  const std::string yaml = readFile((folder_ / "puma/robot.yaml").string());
+  write("puma/robot.yaml", yaml +
+                               "workspace:\n"
+                               "  base: {position: [0.1, -0.2, 0.05], orientation: [0, 0, 0.6, 0.8]}\n"
+                               "  table: {size: [0.9, 0.7, 0.04], position: [0.24, 0.33, -0.02]}\n"
+                               "  x: [0.2, 0.3]\n  y: [0.25, 0.35]\n");
+  Planner planner = puma();
+  const std::string scene = takeRandomScene(planner, "toy_box", 0, {});
+  Eigen::Isometry3d X_WB(Eigen::Translation3d(0.1, -0.2, 0.05));
+  X_WB.rotate(Eigen::Quaterniond(0.8, 0, 0, 0.6));
+  EXPECT_TRUE(planner.scene().X_WB.isApprox(X_WB, 1e-12)) << scene;
+  planner.loadScene(write("scene.yaml", scene));
+  EXPECT_TRUE(planner.scene().X_WB.isApprox(X_WB, 1e-12)) << scene;
 }
 
 TEST_F(PlannerTest, ImpossibleScenesSayWhy) {
