@@ -9,7 +9,6 @@
 
 #include <filesystem>
 #include <set>
-#include <thread>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -113,15 +112,14 @@ void writeReports(const std::vector<ExperimentCell>& cells, const ExperimentComm
 }  // namespace
 
 int runExperimentCommand(const ExperimentCommand& command) {
-  const int threads = command.threads > 0 ? command.threads : std::max(1u, std::thread::hardware_concurrency());
   const auto order = readOrder(command.order);
   std::vector<ExperimentCell> cells;
   std::size_t infeasible = 0;
   for (const std::string& path : command.robots) {
     const Robot robot = loadRobot(path, command.packages);
     for (const std::string& object : objectsOf(robot, command)) {
-      cells.push_back(
-          runExperiment([&] { return Planner(command.database, robot); }, object, command.options, threads, order));
+      cells.push_back(runExperiment([&] { return Planner(command.database, robot); }, object, command.options,
+                                    command.threads, order));
       const OrderSummary s = summarise(cells.back(), "paper", command.options.seed);
       infeasible += s.scenes - s.feasible;
       logInfo(fmt::format("{}, {}: {} of {} scenes have a grasp that works; ratio {:.2f}", robot.name, object,

@@ -10,7 +10,7 @@
 
 #include <fstream>
 #include <iostream>
-#include <numeric>
+#include <limits>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -25,8 +25,6 @@ struct Options {
   std::size_t top = 20;
   bool trace = false, initialise = false;
 };
-
-ScoreKind scoreKind(const Options& options) { return options.score == "reach" ? ScoreKind::reach : ScoreKind::paper; }
 
 Planner makePlanner(const Options& options) {
   Planner planner(options.database, loadRobot(options.robot, parsePackages(options.packages)));
@@ -55,7 +53,7 @@ std::string rankingTable(const Planner& planner, const Ranking& ranking, std::si
 int runRank(const Options& options) {
   Planner planner = makePlanner(options);
   loadSceneOf(options, planner);
-  const Ranking ranking = planner.rank(scoreKind(options));
+  const Ranking ranking = planner.rank(*scoreOf(options.score));
   if (options.format == "json") {
     fmt::print("{}\n", rankingJson(planner, ranking, options.top));
   } else {
@@ -64,12 +62,6 @@ int runRank(const Options& options) {
   }
   if (ranking.grasps.empty()) logWarning(fmt::format("the sets of {} have no grasp", planner.scene().target));
   return ranking.grasps.empty() ? kExitItemFailed : kExitDone;
-}
-
-std::string counted(const std::map<std::string, std::size_t>& rejected) {
-  std::string text;
-  for (const auto& [reason, count] : rejected) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, reason);
-  return text.empty() ? "none" : text;
 }
 
 double durationOf(const Trajectory& trajectory, const TrajectorySegment& segment) {
@@ -115,7 +107,7 @@ int runPlan(const Options& options) {
   Planner planner = makePlanner(options);
   loadSceneOf(options, planner);
   PlanRequest request;
-  request.score = scoreKind(options);
+  request.score = *scoreOf(options.score);
   request.trace = options.trace;
   PlanResult result;
   try {
@@ -181,6 +173,7 @@ int runProgram(int argc, char** argv) {
   app.set_version_flag("--version", "handhold-plan " HANDHOLD_VERSION);
   app.require_subcommand(1);
   Options options;
+  const CLI::IsMember isScore(std::vector<std::string>(kScoreNames.begin(), kScoreNames.end()));
   const auto addRobot = [&](CLI::App* command) {
     command->add_option("--robot", options.robot, "the robot's folder, or its YAML file")->required()->type_name("DIR");
     command->add_option("--db", options.database, "the database folder (default: $HANDHOLD_DB, then ./db)");
@@ -193,7 +186,7 @@ int runProgram(int argc, char** argv) {
         ->add_option("--score", options.score,
                      "paper: Berenson et al. 2007; reach: exact inverse kinematics and the "
                      "swept hand")
-        ->check(CLI::IsMember({"paper", "reach"}));
+        ->check(isScore);
   };
 
   CLI::App* rank = app.add_subcommand("rank", "the stored grasps in the order in which they are worth trying here");
@@ -218,8 +211,7 @@ int runProgram(int argc, char** argv) {
   CLI::App* tasks = app.add_subcommand("task", "what to do with several objects, step by step, with all motions");
   addRobot(tasks);
   tasks->add_option("task", task.task, "the task file")->required()->type_name("TASK.yaml");
-  tasks->add_option("--score", options.score, "the order of the grasps: paper or reach")
-      ->check(CLI::IsMember({"paper", "reach"}));
+  tasks->add_option("--score", options.score, "the order of the grasps: paper or reach")->check(isScore);
   tasks->add_option("--seed", task.options.seed, "of poses, motions and random scenes (default 1)");
   CLI::Option* trials = tasks->add_option("--trials", task.trials, "draw and plan random scenes until N are feasible")
                             ->check(CLI::Range(1, 1'000'000))
@@ -268,7 +260,7 @@ int runProgram(int argc, char** argv) {
     task.robot = options.robot;
     task.database = options.database;
     task.packages = parsePackages(options.packages);
-    task.options.score = scoreKind(options);
+    task.options.score = *scoreOf(options.score);
     return runTask(task);
   }
   if (*bench) {

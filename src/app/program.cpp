@@ -27,6 +27,12 @@ PackagePaths parsePackages(const std::vector<std::string>& given) {
   return packages;
 }
 
+std::string counted(const std::map<std::string, std::size_t>& counts) {
+  std::string text;
+  for (const auto& [name, count] : counts) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, name);
+  return text.empty() ? "none" : text;
+}
+
 int parseArguments(CLI::App& app, int argc, char** argv) {
   try {
     app.parse(argc, argv);

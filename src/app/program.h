@@ -2,6 +2,7 @@
 
 #include "hand/mechanism.h"
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,9 @@ std::string defaultDatabase();
 
 /// Entries NAME=DIR. @throws InputError
 PackagePaths parsePackages(const std::vector<std::string>& given);
+
+/// `3 unreachable, 1 no_motion`; `none` of nothing.
+std::string counted(const std::map<std::string, std::size_t>& counts);
 
 /// Parses the arguments; the exit code when the program has nothing more to do (--help, --version, wrong usage), -1
 /// else.

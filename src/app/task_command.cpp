@@ -3,22 +3,16 @@
 #include "app/program.h"
 #include "core/error.h"
 #include "core/file.h"
+#include "core/job_system.h"
 #include "core/log.h"
 #include "plan/task_trials.h"
 
 #include <algorithm>
-#include <thread>
 
 #include <fmt/format.h>
 
 namespace handhold {
 namespace {
-
-std::string counted(const std::map<std::string, std::size_t>& counts) {
-  std::string text;
-  for (const auto& [reason, count] : counts) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, reason);
-  return text;
-}
 
 std::string stepName(const Task& task, std::size_t i) {
   return fmt::format("{} {}", kVerbNames[static_cast<std::size_t>(task.steps[i].verb)],
@@ -34,9 +28,7 @@ std::string summary(const Task& task, const Robot& robot, const TaskResult& resu
     const TaskStepResult& step = result.steps[i];
     text += fmt::format("  {:<24}", stepName(task, i));
     if (result.done) {
-      double seconds = 0;
-      for (const TaskMotion& motion : step.motions) seconds += motion.trajectory.points.back().time;
-      text += fmt::format(" {:>6.2f} s  {} arm, grasp {}", seconds, robot.arms[step.arm].name, step.grasp);
+      text += fmt::format(" {:>6.2f} s  {} arm, grasp {}", step.seconds(), robot.arms[step.arm].name, step.grasp);
     }
     if (!step.rejected.empty()) text += fmt::format("  rejected: {}", counted(step.rejected));
     text += "\n";
@@ -45,7 +37,7 @@ std::string summary(const Task& task, const Robot& robot, const TaskResult& resu
 }
 
 int runTrials(const TaskCommand& command, const Robot& robot, const Task& task) {
-  const int threads = command.threads > 0 ? command.threads : std::max(1u, std::thread::hardware_concurrency());
+  const int threads = JobSystem(command.threads).threads();
   const std::vector<TaskTrial> trials =
       runTaskTrials([&] { return Planner(command.database, robot); }, command.options, task, command.trials, threads);
   std::map<std::string, std::size_t> reasons;

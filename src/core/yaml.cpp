@@ -201,20 +201,18 @@ Eigen::Vector3d YamlValue::direction() const {
   return value.stableNormalized();
 }
 
+Eigen::Quaterniond YamlValue::rotation() const {
+  if (kind_ != Kind::sequence || items_.size() != 4) refuse("four numbers [x, y, z, w]");
+  const Eigen::Quaterniond quaternion(items_[3].number(), items_[0].number(), items_[1].number(), items_[2].number());
+  if (std::abs(quaternion.norm() - 1) > 1e-3) fail("is not of length 1, want a unit quaternion [x, y, z, w]");
+  return quaternion.normalized();
+}
+
 Eigen::Isometry3d YamlValue::pose() const {
   allowKeys({"position", "orientation"});
   Eigen::Isometry3d X = Eigen::Isometry3d::Identity();
   if (const YamlValue* position = find("position")) X.translation() = position->vector3();
-  if (const YamlValue* orientation = find("orientation")) {
-    if (orientation->kind() != Kind::sequence || orientation->items().size() != 4) {
-      orientation->refuse("four numbers [x, y, z, w]");
-    }
-    const auto& q = orientation->items();
-    const Eigen::Quaterniond quaternion(q[3].number(), q[0].number(), q[1].number(), q[2].number());
-    if (std::abs(quaternion.norm() - 1) > 1e-3)
-      orientation->fail("is not of length 1, want a unit quaternion [x, y, z, w]");
-    X.linear() = quaternion.normalized().toRotationMatrix();
-  }
+  if (const YamlValue* orientation = find("orientation")) X.linear() = orientation->rotation().toRotationMatrix();
   return X;
 }
 

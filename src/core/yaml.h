@@ -50,7 +50,9 @@ class YamlValue {
   Eigen::Vector3d vector3() const;
   /// Three numbers of length > 0, normalised.
   Eigen::Vector3d direction() const;
-  /// {position: [x,y,z], orientation: [x,y,z,w]}, each part optional; the quaternion must be of unit length to 1e-3.
+  /// A quaternion [x, y, z, w] of unit length to 1e-3.
+  Eigen::Quaterniond rotation() const;
+  /// {position: [x,y,z], orientation: [x,y,z,w]}, each part optional.
   Eigen::Isometry3d pose() const;
   std::vector<std::string> texts() const;
 

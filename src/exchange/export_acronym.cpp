@@ -24,7 +24,7 @@ void addGripper(Hdf5Builder& file, const ExportedSet& exported) {
   file.addGroup("/gripper");
   file.addText("/gripper/type", exported.found.hand);
   std::vector<double> open;
-  for (const int joint : activeJoints(exported.hand)) {
+  for (const int joint : independentJoints(exported.hand)) {
     open.push_back(exported.found.grasps.front().preshapeJointPosition[joint]);
   }
   file.addArray("/gripper/configuration", {open.size()}, open);

@@ -11,7 +11,7 @@ namespace {
 /// `{"finger_1": 0.01}`
 std::string jointMap(const Hand& hand, const Eigen::VectorXd& jointPosition) {
   std::string text;
-  for (const int joint : activeJoints(hand)) {
+  for (const int joint : independentJoints(hand)) {
     text += fmt::format("{}{}: {}", text.empty() ? "" : ", ",
                         yamlText(hand.joints[static_cast<std::size_t>(joint)].name), yamlNumber(jointPosition[joint]));
   }

@@ -19,7 +19,7 @@ std::string vectorMap(const Eigen::Vector3d& v) {
 std::string posture(const Hand& hand, const Eigen::VectorXd& jointPosition) {
   std::vector<std::string> names;
   std::vector<double> positions;
-  for (const int joint : activeJoints(hand)) {
+  for (const int joint : independentJoints(hand)) {
     names.push_back(hand.joints[static_cast<std::size_t>(joint)].name);
     positions.push_back(jointPosition[joint]);
   }

@@ -32,15 +32,6 @@ int jointIndex(const GraspFile& file, const FileGrasp& grasp, const Hand& hand, 
                   file.path, grasp.name, name, hand.name, fmt::join(names, ", ")));
 }
 
-/// Indices of the joints that a posture is fixed by.
-std::vector<int> fixingJoints(const Hand& hand) {
-  std::vector<int> joints = activeJoints(hand);
-  for (const ClosingJoint& closing : hand.closing) {
-    if (closing.breakawayJoint >= 0) joints.push_back(closing.breakawayJoint);
-  }
-  return joints;
-}
-
 /// The whole posture (J), mimic joints that are not given following; empty when it is not fixed.
 Eigen::VectorXd readPosture(const GraspFile& file, const FileGrasp& grasp, const Hand& hand) {
   Eigen::VectorXd q = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hand.joints.size()));

@@ -15,12 +15,4 @@ std::string frameName(const Hand& hand, GraspFrame frame) {
   return frame == GraspFrame::tcp ? "tcp" : hand.links[0].name;
 }
 
-std::vector<int> activeJoints(const Hand& hand) {
-  std::vector<int> active;
-  for (std::size_t i = 0; i < hand.joints.size(); ++i) {
-    if (hand.joints[i].mimicOf < 0) active.push_back(static_cast<int>(i));
-  }
-  return active;
-}
-
 }  // namespace handhold

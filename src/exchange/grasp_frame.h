@@ -27,7 +27,4 @@ Eigen::Isometry3d framePose(const Hand& hand, const Eigen::VectorXd& jointPositi
 /// The name of the frame: the root link's, or `tcp`.
 std::string frameName(const Hand& hand, GraspFrame frame);
 
-/// Indices of the joints that mimic no other.
-std::vector<int> activeJoints(const Hand& hand);
-
 }  // namespace handhold

@@ -2,7 +2,6 @@
 
 #include "hand/mechanism.h"
 
-#include <map>
 #include <string>
 #include <vector>
 
@@ -51,6 +50,10 @@ Hand restoreHand(const std::string& name, const std::string& urdfText, const std
 
 /// Leaves the preshapes of these names, in their order; names that the hand does not have are passed over.
 void choosePreshapes(Hand& hand, const std::vector<std::string>& names);
+
+/// The joints that fix a hand's posture: the independent ones, then those mimic joints that go on alone when a finger
+/// is stopped (breakaway).
+std::vector<int> fixingJoints(const Hand& hand);
 
 /// A hand.yaml to start from for a URDF: the joints that close listed, the palm to be filled in.
 std::string initialHandConfig(const std::string& urdfPath, const PackagePaths& packages = {});

@@ -279,6 +279,14 @@ void choosePreshapes(Hand& hand, const std::vector<std::string>& names) {
   hand.preshapes = std::move(chosen);
 }
 
+std::vector<int> fixingJoints(const Hand& hand) {
+  std::vector<int> joints = independentJoints(hand);
+  for (const ClosingJoint& closing : hand.closing) {
+    if (closing.breakawayJoint >= 0) joints.push_back(closing.breakawayJoint);
+  }
+  return joints;
+}
+
 std::string initialHandConfig(const std::string& urdfPath, const PackagePaths& packages) {
   Hand hand;
   readUrdf(urdfPath, "", {}, packages, hand);

@@ -43,6 +43,14 @@ void forwardKinematics(const Mechanism& mechanism, const Eigen::VectorXd& jointP
   }
 }
 
+std::vector<int> independentJoints(const Mechanism& mechanism) {
+  std::vector<int> joints;
+  for (std::size_t i = 0; i < mechanism.joints.size(); ++i) {
+    if (mechanism.joints[i].mimicOf < 0) joints.push_back(static_cast<int>(i));
+  }
+  return joints;
+}
+
 std::vector<int> followersOf(const Mechanism& mechanism, int joint) {
   std::vector<int> result;
   for (std::size_t i = 0; i < mechanism.joints.size(); ++i) {
@@ -63,6 +71,15 @@ std::vector<bool> linksMovedBy(const Mechanism& mechanism, int joint, bool withF
   for (std::size_t i = 1; i < mechanism.links.size(); ++i) {
     const Link& link = mechanism.links[i];
     moves[i] = moves[link.parentLink] || (link.joint >= 0 && isMover[link.joint]);
+  }
+  return moves;
+}
+
+std::vector<bool> linksMovedBy(const Mechanism& mechanism, const std::vector<int>& joints) {
+  std::vector<bool> moves(mechanism.links.size(), false);
+  for (const int joint : joints) {
+    const std::vector<bool> more = linksMovedBy(mechanism, joint, true);
+    for (std::size_t i = 0; i < moves.size(); ++i) moves[i] = moves[i] || more[i];
   }
   return moves;
 }

@@ -66,6 +66,12 @@ void forwardKinematics(const Mechanism& mechanism, const Eigen::VectorXd& jointP
 /// For every link, whether it moves when `joint` moves; `withFollowers`: together with all that mimic it.
 std::vector<bool> linksMovedBy(const Mechanism& mechanism, int joint, bool withFollowers);
 
+/// For every link, whether it moves when any of `joints` does, together with all that mimic it.
+std::vector<bool> linksMovedBy(const Mechanism& mechanism, const std::vector<int>& joints);
+
+/// The joints that mimic no other, in order.
+std::vector<int> independentJoints(const Mechanism& mechanism);
+
 /// The joints that mimic `joint`, directly or through others, in order.
 std::vector<int> followersOf(const Mechanism& mechanism, int joint);
 

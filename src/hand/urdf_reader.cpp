@@ -139,17 +139,6 @@ std::string resolveMesh(const std::string& name, const std::string& urdfPath, co
   return (fs::path(urdfPath).parent_path() / plain).lexically_normal().string();
 }
 
-/// A mesh file may hold several parts: a point on each, since any of them can be inside an object while the others are
-/// not.
-std::vector<Eigen::Vector3d> onePointPerPiece(const TriangleMesh& mesh) {
-  const std::vector<std::uint32_t> piece = connectedPieces(mesh);
-  std::vector<Eigen::Vector3d> points;
-  for (std::uint32_t i = 0; i < piece.size(); ++i) {
-    if (piece[i] == i) points.push_back(mesh.vertices[i]);
-  }
-  return points;
-}
-
 /// What one URDF reading needs to know everywhere.
 struct Reader {
   const std::string& path;
@@ -229,7 +218,7 @@ struct Reader {
     } else {
       refuse(fmt::format("link {} has no stored geometry", source.name));
     }
-    link.piecePoints = onePointPerPiece(link.mesh);
+    link.piecePoints = pieceVertices(link.mesh);
     for (const auto& vertex : link.mesh.vertices) hash.addBytes(vertex.data(), sizeof vertex);
     for (const auto& triangle : link.mesh.triangles) hash.addBytes(triangle.data(), sizeof triangle);
   }

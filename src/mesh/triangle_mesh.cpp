@@ -45,6 +45,15 @@ std::vector<std::uint32_t> connectedPieces(const TriangleMesh& mesh) {
   return parent;
 }
 
+std::vector<Eigen::Vector3d> pieceVertices(const TriangleMesh& mesh) {
+  const std::vector<std::uint32_t> piece = connectedPieces(mesh);
+  std::vector<Eigen::Vector3d> vertices;
+  for (std::uint32_t i = 0; i < piece.size(); ++i) {
+    if (piece[i] == i) vertices.push_back(mesh.vertices[i]);
+  }
+  return vertices;
+}
+
 bool isWatertight(const TriangleMesh& mesh) {
   return !mesh.triangles.empty() && countEdges(edgeUses(mesh)).unbalanced == 0;
 }

@@ -37,6 +37,9 @@ void append(TriangleMesh& mesh, const TriangleMesh& part, const Eigen::Isometry3
 /// For every vertex the lowest one of the piece that it belongs to; pieces are connected by shared vertices.
 std::vector<std::uint32_t> connectedPieces(const TriangleMesh& mesh);
 
+/// A vertex of each connected piece: any of them can be inside something while the others are not.
+std::vector<Eigen::Vector3d> pieceVertices(const TriangleMesh& mesh);
+
 /// True when the oriented boundary is empty: every directed edge is used as often as its opposite. Then winding numbers
 /// are whole and volume integrals are defined, even where more than two faces share an edge.
 bool isWatertight(const TriangleMesh& mesh);

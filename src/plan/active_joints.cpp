@@ -8,17 +8,9 @@ ActiveJoints::ActiveJoints(const Robot& robot, int arm)
     : robot_(robot),
       arm_(robot.arms[arm]),
       armSize_(static_cast<Eigen::Index>(arm_.joints.size())),
-      joints_(arm_.joints) {
-  const auto add = [&](int handJoint) {
-    inHand_.push_back(handJoint);
-    joints_.push_back(arm_.handJoints[handJoint]);
-  };
-  for (std::size_t i = 0; i < arm_.hand.joints.size(); ++i) {
-    if (arm_.hand.joints[i].mimicOf < 0) add(static_cast<int>(i));
-  }
-  for (const ClosingJoint& closing : arm_.hand.closing) {
-    if (closing.breakawayJoint >= 0) add(closing.breakawayJoint);
-  }
+      joints_(arm_.joints),
+      inHand_(fixingJoints(arm_.hand)) {
+  for (const int joint : inHand_) joints_.push_back(arm_.handJoints[joint]);
 }
 
 std::vector<std::string> ActiveJoints::names() const {

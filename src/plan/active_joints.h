@@ -9,9 +9,8 @@
 
 namespace handhold {
 
-/// The joints that a plan of one arm moves: the arm's from base to tip, the hand's independent ones, then those of its
-/// mimic joints that go on alone when a finger is stopped (breakaway). All other joints of the robot stand still, mimic
-/// joints follow.
+/// The joints that a plan of one arm moves: the arm's from base to tip, then those that fix its hand's posture. All
+/// other joints of the robot stand still, mimic joints follow.
 class ActiveJoints {
  public:
   ActiveJoints(const Robot& robot, int arm);

@@ -25,22 +25,18 @@ constexpr double kStoodOn = 0.002;     // m, below the target: what it stands on
 struct Surface {
   std::vector<Vector3d> vertices;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;
-  std::vector<std::uint32_t> pieces;  // a vertex of each connected piece
+  std::vector<Vector3d> pieces;  // a vertex of each connected piece
   RayScene rays;
   Eigen::AlignedBox3d box;
   bool closed;
 
   Surface(const TriangleMesh& mesh, bool isClosed)
-      : vertices(mesh.vertices), rays(mesh), box(boundingBox(mesh)), closed(isClosed) {
+      : vertices(mesh.vertices), pieces(pieceVertices(mesh)), rays(mesh), box(boundingBox(mesh)), closed(isClosed) {
     std::set<std::pair<std::uint32_t, std::uint32_t>> unique;
     for (const auto& t : mesh.triangles) {
       for (int i = 0; i < 3; ++i) unique.insert(std::minmax(t[i], t[(i + 1) % 3]));
     }
     edges.assign(unique.begin(), unique.end());
-    const std::vector<std::uint32_t> piece = connectedPieces(mesh);
-    for (std::uint32_t i = 0; i < piece.size(); ++i) {
-      if (piece[i] == i) pieces.push_back(i);
-    }
   }
 };
 
@@ -56,8 +52,9 @@ bool edgesPass(const Surface& a, const Surface& b, const Isometry3d& X_BA) {
     if (length > 0 && b.rays.cast(p[i], (p[k] - p[i]) / length).distance <= length) return true;
   }
   // No edge passes through: each piece of a is inside as a whole or not at all.
-  return b.closed && std::any_of(a.pieces.begin(), a.pieces.end(),
-                                 [&](std::uint32_t i) { return grown.contains(p[i]) && b.rays.contains(p[i]); });
+  return b.closed && std::any_of(a.pieces.begin(), a.pieces.end(), [&](const Vector3d& piece) {
+           return grown.contains(X_BA * piece) && b.rays.contains(X_BA * piece);
+         });
 }
 
 bool meet(const Surface& a, const Isometry3d& X_A, const Surface& b, const Isometry3d& X_B) {
@@ -74,18 +71,14 @@ class Checker {
         robot_(*motion.robot),
         arm_(robot_.arms[motion.arm]),
         trajectory_(*motion.trajectory),
-        target_(*motion.target, motion.targetWatertight) {
+        target_(*motion.target, motion.targetWatertight),
+        moved_(linksMovedBy(robot_.body, motion.joints)) {
     for (const Link& link : robot_.body.links) {
       links_.push_back(link.mesh.triangles.empty() ? nullptr
                                                    : std::make_unique<Surface>(link.mesh, isWatertight(link.mesh)));
     }
     for (const Obstacle& obstacle : *motion.obstacles) {
       obstacles_.push_back(std::make_unique<Surface>(obstacle.shape->mesh, obstacle.shape->watertight));
-    }
-    moved_.assign(links_.size(), false);
-    for (const int joint : motion.joints) {
-      const std::vector<bool> more = linksMovedBy(robot_.body, joint, true);
-      for (std::size_t i = 0; i < moved_.size(); ++i) moved_[i] = moved_[i] || more[i];
     }
     handLink_.assign(links_.size(), -1);
     for (std::size_t i = 0; i < arm_.handLinks.size(); ++i) handLink_[arm_.handLinks[i]] = static_cast<int>(i);
@@ -215,18 +208,12 @@ class Checker {
     return std::nullopt;
   }
 
-  bool areRigid(int a, int b) const { return carrier(a) == carrier(b); }
-  int carrier(int link) const {
-    while (link > 0 && robot_.body.links[link].joint < 0) link = robot_.body.links[link].parentLink;
-    return link;
-  }
-
   /// The pairs of links that may not meet.
   void findPairs(const std::vector<Isometry3d>& X) {
     const auto& allowed = robot_.allowedCollisions;
     for (int a = 0; a < static_cast<int>(links_.size()); ++a) {
       for (int b = a + 1; b < static_cast<int>(links_.size()); ++b) {
-        if (!links_[a] || !links_[b] || areRigid(a, b) || !(moved_[a] || moved_[b])) continue;
+        if (!links_[a] || !links_[b] || !(moved_[a] || moved_[b])) continue;
         if (std::find(allowed.begin(), allowed.end(), std::pair(a, b)) != allowed.end()) continue;
         const bool inHand = handLink_[a] >= 0 && handLink_[b] >= 0;
         if (inHand && meet(*links_[a], X[a], *links_[b], X[b])) continue;
@@ -343,8 +330,8 @@ class Checker {
   const Arm& arm_;
   const Trajectory& trajectory_;
   Surface target_;
+  std::vector<bool> moved_;  // by link
   std::vector<std::unique_ptr<Surface>> links_, obstacles_;
-  std::vector<bool> moved_;
   std::vector<int> handLink_;
   std::vector<std::pair<int, int>> pairs_;
 };

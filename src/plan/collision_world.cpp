@@ -90,24 +90,9 @@ bool near(const Placed& a, const Placed& b, double margin) {
 double targetMargin(bool isOfHand, double margin) { return isOfHand ? std::min(margin, kHandToTarget) : margin; }
 
 std::vector<bool> linksMovedByArm(const Robot& robot, const Arm& arm) {
-  std::vector<bool> moved(robot.body.links.size(), false);
-  const auto add = [&](int joint) {
-    const std::vector<bool> more = linksMovedBy(robot.body, joint, true);
-    for (std::size_t i = 0; i < moved.size(); ++i) moved[i] = moved[i] || more[i];
-  };
-  for (const int joint : arm.joints) add(joint);
-  for (const int joint : arm.handJoints) add(joint);
-  return moved;
-}
-
-/// Ancestors of a link that rigidly carry it share its number.
-std::vector<int> rigidGroups(const Mechanism& body) {
-  std::vector<int> group(body.links.size());
-  for (std::size_t i = 0; i < group.size(); ++i) {
-    const Link& link = body.links[i];
-    group[i] = i > 0 && link.joint < 0 ? group[link.parentLink] : static_cast<int>(i);
-  }
-  return group;
+  std::vector<int> joints = arm.joints;
+  joints.insert(joints.end(), arm.handJoints.begin(), arm.handJoints.end());
+  return linksMovedBy(robot.body, joints);
 }
 
 }  // namespace
@@ -175,10 +160,9 @@ struct CollisionWorld::Impl {
     pairs.handLinkOf.assign(links.size(), -1);
     for (std::size_t i = 0; i < arm.handLinks.size(); ++i) pairs.handLinkOf[arm.handLinks[i]] = static_cast<int>(i);
     for (const auto& [a, b] : pairs.inHand) pairs.inRobot.emplace_back(arm.handLinks[a], arm.handLinks[b]);
-    const std::vector<int> group = rigidGroups(robot.body);
     for (int a = 0; a < static_cast<int>(links.size()); ++a) {
       for (int b = a + 1; b < static_cast<int>(links.size()); ++b) {
-        if (!links[a] || !links[b] || group[a] == group[b] || !(pairs.moved[a] || pairs.moved[b])) continue;
+        if (!links[a] || !links[b] || !(pairs.moved[a] || pairs.moved[b])) continue;
         if (pairs.handLinkOf[a] >= 0 && pairs.handLinkOf[b] >= 0) continue;
         if (mayTouch(a, b)) continue;
         pairs.inRobot.emplace_back(a, b);
@@ -228,12 +212,7 @@ void CollisionWorld::setObstacles(const std::vector<Obstacle>& obstacles) {
 }
 
 void CollisionWorld::setTarget(const TriangleMesh& mesh, bool watertight, const std::string& name) {
-  std::vector<Eigen::Vector3d> points;
-  const std::vector<std::uint32_t> piece = connectedPieces(mesh);
-  for (std::uint32_t i = 0; i < piece.size(); ++i) {
-    if (piece[i] == i) points.push_back(mesh.vertices[i]);
-  }
-  impl_->target = std::make_unique<Body>(mesh, std::move(points), watertight);
+  impl_->target = std::make_unique<Body>(mesh, pieceVertices(mesh), watertight);
   impl_->targetName = name;
 }
 

@@ -2,17 +2,15 @@
 
 #include "core/error.h"
 #include "core/hash.h"
+#include "core/job_system.h"
 #include "core/random.h"
 #include "core/yaml.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <exception>
-#include <mutex>
+#include <memory>
 #include <numbers>
 #include <numeric>
-#include <thread>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -299,35 +297,28 @@ bool hasExternal(const ExperimentCell& cell) {
 ExperimentCell runExperiment(const std::function<Planner()>& makePlanner, const std::string& object,
                              const ExperimentOptions& options, int threads,
                              const std::map<std::string, std::vector<std::uint32_t>>& externalOrder) {
+  /// What a thread works with.
+  struct Worker {
+    Worker(Planner p, const std::string& o, const ExperimentOptions& settings)
+        : planner(std::move(p)), maker(planner.robot(), o, planner.objectMesh(o), settings) {}
+    Planner planner;
+    SceneMaker maker;
+  };
+  const auto makeWorker = [&] { return std::make_unique<Worker>(makePlanner(), object, options); };
+  const JobSystem jobs(threads);
+  std::vector<std::unique_ptr<Worker>> workers(static_cast<std::size_t>(jobs.threads()));
+  workers[0] = makeWorker();
   ExperimentCell cell;
+  cell.robot = workers[0]->planner.robot().name;
   cell.object = object;
   cell.scenes.resize(static_cast<std::size_t>(options.scenes));
-  std::atomic<int> next{0};
-  std::mutex mutex;  // guards `failure` and `cell.robot`
-  std::exception_ptr failure;
-  const auto work = [&] {
-    try {
-      Planner planner = makePlanner();
-      {
-        const std::lock_guard lock(mutex);
-        cell.robot = planner.robot().name;
-      }
-      const SceneMaker maker(planner.robot(), object, planner.objectMesh(object), options);
-      const RandomStream stream = streamOf(options.seed, planner.robot().name, object);
-      for (int i = next++; i < options.scenes; i = next++) {
-        cell.scenes[static_cast<std::size_t>(i)] =
-            runScene(planner, maker, object, i, stream.child(static_cast<std::uint64_t>(i)), options, externalOrder);
-      }
-    } catch (...) {
-      const std::lock_guard lock(mutex);
-      if (!failure) failure = std::current_exception();
-      next = options.scenes;
-    }
-  };
-  std::vector<std::thread> workers;
-  for (int i = 0; i < threads; ++i) workers.emplace_back(work);
-  for (std::thread& worker : workers) worker.join();
-  if (failure) std::rethrow_exception(failure);
+  const RandomStream stream = streamOf(options.seed, cell.robot, object);
+  jobs.run(cell.scenes.size(), 1, [&](int worker, std::size_t i) {
+    std::unique_ptr<Worker>& mine = workers[static_cast<std::size_t>(worker)];
+    if (!mine) mine = makeWorker();
+    cell.scenes[i] =
+        runScene(mine->planner, mine->maker, object, static_cast<int>(i), stream.child(i), options, externalOrder);
+  });
   return cell;
 }
 

@@ -55,6 +55,7 @@ struct OrderSummary {
 
 /// Runs one cell. Scene i is drawn from a stream keyed by seed, robot, object and i: the others do not matter to it.
 /// @param makePlanner  one planner a thread
+/// @param threads  0: one for each core
 /// @param externalOrder  grasps of a scene in an order from outside, by the scene's name; none: empty
 /// @throws InputError  the robot has no workspace, or no scene could be drawn
 ExperimentCell runExperiment(const std::function<Planner()>& makePlanner, const std::string& object,

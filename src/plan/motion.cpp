@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 
 #include <ompl/base/MotionValidator.h>
@@ -69,8 +70,10 @@ std::optional<JointPath> search(const MotionSpace& space, const Eigen::VectorXd&
   auto states = std::make_shared<ob::RealVectorStateSpace>(n);
   ob::RealVectorBounds bounds(n);
   for (unsigned i = 0; i < n; ++i) {
-    bounds.setLow(i, std::min({space.lower[i], start[i], goal[i]}));
-    bounds.setHigh(i, std::max({space.upper[i], start[i], goal[i]}) + 1e-9);
+    const double low = std::min(start[i], goal[i]), high = std::max(start[i], goal[i]);
+    bounds.setLow(i, std::isfinite(space.lower[i]) ? std::min(space.lower[i], low) : low - std::numbers::pi);
+    bounds.setHigh(i,
+                   (std::isfinite(space.upper[i]) ? std::max(space.upper[i], high) : high + std::numbers::pi) + 1e-9);
   }
   states->setBounds(bounds);
   states->setStateSamplerAllocator([&](const ob::StateSpace* s) { return std::make_shared<StreamSampler>(s, stream); });

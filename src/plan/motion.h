@@ -13,7 +13,7 @@ using JointPath = std::vector<Eigen::VectorXd>;  // joint positions, straight li
 
 /// Joint space as the motion planner sees it.
 struct MotionSpace {
-  Eigen::VectorXd lower, upper;  // (n) rad or m, finite
+  Eigen::VectorXd lower, upper;  // (n) rad or m; a joint without limits goes once around from start and goal
   /// (n) m a rad (or 1): no point of the robot moves farther than sum_j reach_j |dq_j|.
   Eigen::VectorXd reach;
   std::function<bool(const Eigen::VectorXd&)> isFree;

@@ -9,9 +9,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <map>
-#include <numbers>
 #include <set>
 
 #include <fmt/format.h>
@@ -269,14 +267,6 @@ struct Planner::Impl {
     std::rotate(grasps.begin(), at, at + 1);
   }
 
-  /// Limits for a continuous joint: once around from where it is.
-  static void bound(const VectorXd& start, const VectorXd& goal, VectorXd& lower, VectorXd& upper) {
-    for (Eigen::Index i = 0; i < lower.size(); ++i) {
-      if (!std::isfinite(lower[i])) lower[i] = std::min(start[i], goal[i]) - std::numbers::pi;
-      if (!std::isfinite(upper[i])) upper[i] = std::max(start[i], goal[i]) + std::numbers::pi;
-    }
-  }
-
   /// From the present posture to the pre-grasp, in active joints.
   std::optional<JointPath> transit(const Candidate& candidate, const VectorXd& goal, const PlanRequest& request,
                                    PlanResult& result) {
@@ -285,7 +275,6 @@ struct Planner::Impl {
     const ArmSituation& situation = candidate.situation;
     const VectorXd start = active.pick(situation.posture);
     MotionSpace space{active.lower(), active.upper(), validator.reach(), {}};
-    bound(start, goal, space.lower, space.upper);
     space.isFree = [&](const VectorXd& q) {
       return !world->robotTouches(candidate.arm, validator.linkPoses(q, situation), situation.X_WO, TargetRule::avoid,
                                   result.clearance);
@@ -386,9 +375,14 @@ struct Planner::Impl {
   std::uint64_t checksBefore = 0;
 };
 
+std::optional<ScoreKind> scoreOf(std::string_view name) {
+  const auto at = std::find(kScoreNames.begin(), kScoreNames.end(), name);
+  return at == kScoreNames.end() ? std::nullopt : std::optional(static_cast<ScoreKind>(at - kScoreNames.begin()));
+}
+
 Planner::Planner(std::string databaseFolder, Robot robot, PlannerOptions options)
     : impl_(new Impl(std::move(databaseFolder), std::move(robot), std::move(options))) {
-  impl_->database.sets();  // refuses a folder that is none
+  impl_->database.requireFolder();
 }
 
 Planner::~Planner() = default;

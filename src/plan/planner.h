@@ -6,12 +6,14 @@
 #include "robot/robot.h"
 #include "scene/scene.h"
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -19,6 +21,9 @@
 namespace handhold {
 
 enum class ScoreKind { paper, reach };
+inline constexpr std::array<std::string_view, 2> kScoreNames = {"paper", "reach"};
+/// None: the name is no score's.
+std::optional<ScoreKind> scoreOf(std::string_view name);
 
 struct PlannerOptions {
   ValidationSettings validation = {};

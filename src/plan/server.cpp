@@ -64,9 +64,10 @@ std::uint32_t wholeNumber(const Json& request, const char* key, std::uint32_t ot
 
 ScoreKind scoreKind(const Json& request) {
   const auto at = request.find("score");
-  if (at == request.end() || *at == "paper") return ScoreKind::paper;
-  if (*at == "reach") return ScoreKind::reach;
-  throw InputError(fmt::format("score is {}, want paper or reach", at->dump()));
+  if (at == request.end()) return ScoreKind::paper;
+  const auto score = at->is_string() ? scoreOf(at->get<std::string>()) : std::nullopt;
+  if (!score) throw InputError(fmt::format("score is {}, want {}", at->dump(), fmt::join(kScoreNames, " or ")));
+  return *score;
 }
 
 /// One request at work.

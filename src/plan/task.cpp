@@ -39,11 +39,7 @@ Region readRegion(const YamlValue& value) {
     if (region.size.minCoeff() < 0) size->refuse("full extents [x, y, z] in metres >= 0");
   }
   if (const YamlValue* orientation = value.find("orientation")) {
-    const auto& q = orientation->items();
-    if (q.size() != 4) orientation->refuse("a quaternion [x, y, z, w]");
-    const Eigen::Quaterniond rotation(q[3].number(), q[0].number(), q[1].number(), q[2].number());
-    if (std::abs(rotation.norm() - 1) > 1e-3) orientation->refuse("a quaternion [x, y, z, w] of unit length");
-    region.X_WR.linear() = rotation.normalized().toRotationMatrix();
+    region.X_WR.linear() = orientation->rotation().toRotationMatrix();
   }
   if (const YamlValue* turn = value.find("turn")) {
     region.turn = static_cast<Region::Turn>(choose(*turn, {"none", "yaw", "any"}, "one of"));

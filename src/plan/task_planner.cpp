@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <set>
 
 #include <fmt/format.h>
@@ -18,7 +17,6 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 constexpr double kSamePosture = 1e-4;     // rad or m
-constexpr double kOffTheGround = 0.002;   // m, as in validate.cpp: what is nearer below is what the object stands on
 constexpr std::size_t kAlternatives = 3;  // ways to end a task that are kept for one grasp
 constexpr int kEndPoses = 48;             // of a place, tried for one grasp
 constexpr int kDropPoses = 4000;          // of a drop: they need no ground, so all orientations are looked at
@@ -52,7 +50,8 @@ JointPath reversed(JointPath path) {
   return path;
 }
 
-/// What stays whatever the task.
+/// What stays whatever the task. None of it is the planner's, which ranks for other poses and arms while a task is
+/// searched: its collision world would be filled anew each time, and its validators lift what hangs in another hand.
 struct Tools {
   Tools(Planner& p, TaskOptions o) : planner(p), robot(p.robot()), options(std::move(o)), world(robot) {
     ValidationSettings inTheAir = options.validation;
@@ -460,7 +459,7 @@ bool Handling::handOver(std::size_t step) {
 }
 
 std::optional<Goal> Handling::placing(const Grip& grip, const Isometry3d& X_WO, Rejection& reason) const {
-  const Isometry3d raised = Eigen::Translation3d(0, 0, kOffTheGround) * X_WO;
+  const Isometry3d raised = Eigen::Translation3d(0, 0, kResting) * X_WO;
   const std::vector<bool> met = tools_.world.obstaclesNearTarget(raised, 0);
   if (std::find(met.begin(), met.end(), true) != met.end()) {
     keepFarthest(reason, Rejection::targetCollision);
@@ -542,13 +541,9 @@ std::optional<JointPath> Handling::connect(int arm, const ArmSituation& here, co
   const Isometry3d X_HO = grip != nullptr ? grip->grasp->X_OH.inverse() : Isometry3d::Identity();
   double margin = robot_.clearance;
   MotionSpace space{joints.lower(), joints.upper(), validator.reach(), {}};
-  for (Eigen::Index i = 0; i < joints.size(); ++i) {
-    const bool inHand = i >= joints.armSize();
-    if (inHand || !std::isfinite(space.lower[i]))
-      space.lower[i] = std::min(from[i], to[i]) - (inHand ? 0 : std::numbers::pi);
-    if (inHand || !std::isfinite(space.upper[i]))
-      space.upper[i] = std::max(from[i], to[i]) + (inHand ? 0 : std::numbers::pi);
-  }
+  const Eigen::Index fingers = joints.size() - joints.armSize();
+  space.lower.tail(fingers) = from.cwiseMin(to).tail(fingers);
+  space.upper.tail(fingers) = from.cwiseMax(to).tail(fingers);
   space.isFree = [&](const VectorXd& q) {
     const std::vector<Isometry3d> X_WL = validator.linkPoses(q, here);
     if (carrying == Carrying::yes) {
@@ -695,6 +690,12 @@ bool Handling::move() {
 }
 
 }  // namespace
+
+double TaskStepResult::seconds() const {
+  double sum = 0;
+  for (const TaskMotion& motion : motions) sum += motion.trajectory.points.back().time;
+  return sum;
+}
 
 struct TaskPlanner::Impl : Tools {
   using Tools::Tools;

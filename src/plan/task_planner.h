@@ -40,6 +40,8 @@ struct TaskStepResult {
   std::array<std::uint32_t, 3> trial{};         // of the grasp
   std::vector<TaskMotion> motions;              // in the order of time
   std::map<std::string, std::size_t> rejected;  // by kRejectionNames
+
+  double seconds() const;  // of all motions
 };
 
 struct TaskResult {

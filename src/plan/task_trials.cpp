@@ -1,16 +1,16 @@
 #include "plan/task_trials.h"
 
 #include "core/error.h"
+#include "core/job_system.h"
 #include "core/random.h"
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <exception>
+#include <memory>
 #include <mutex>
 #include <numbers>
-#include <thread>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -124,7 +124,7 @@ TaskTrial runOne(TaskPlanner& planner, const ObjectMeshes& meshes, const Task& t
   trial.result = planner.plan(drawn);
   trial.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   for (TaskStepResult& step : trial.result.steps) {
-    for (const TaskMotion& motion : step.motions) trial.duration += motion.trajectory.points.back().time;
+    trial.duration += step.seconds();
     step.motions.clear();
   }
   return trial;
@@ -138,38 +138,31 @@ Task drawTask(const Task& task, const ObjectMeshes& objectMeshes, std::uint64_t 
 
 std::vector<TaskTrial> runTaskTrials(const std::function<Planner()>& makePlanner, const TaskOptions& options,
                                      const Task& task, int feasible, int threads) {
+  /// What a thread works with.
+  struct Worker {
+    Worker(Planner p, const TaskOptions& settings) : planner(std::move(p)), tasks(planner, settings) {}
+    Planner planner;
+    TaskPlanner tasks;
+  };
+  const JobSystem jobs(threads);
+  std::vector<std::unique_ptr<Worker>> workers(static_cast<std::size_t>(jobs.threads()));
   std::vector<TaskTrial> trials;
-  std::mutex mutex;  // guards trials, found, error
+  std::mutex mutex;  // guards trials and found
   int found = 0;
-  std::exception_ptr error;
-  std::atomic<int> next = 0;
-  const auto work = [&] {
-    try {
-      Planner planner = makePlanner();
-      TaskPlanner tasks(planner, options);
-      const ObjectMeshes meshes = [&](const std::string& object) { return planner.objectMesh(object); };
-      for (;;) {
-        {
-          const std::lock_guard lock(mutex);
-          if (found >= feasible || error) return;
-        }
-        const int index = next++;
-        if (index >= kDrawnPerFeasible * feasible) return;
-        TaskTrial trial = runOne(tasks, meshes, task, options.seed, index);
+  std::atomic<bool> enough = false;
+  jobs.run(
+      static_cast<std::size_t>(kDrawnPerFeasible * feasible), 1,
+      [&](int worker, std::size_t index) {
+        std::unique_ptr<Worker>& mine = workers[static_cast<std::size_t>(worker)];
+        if (!mine) mine = std::make_unique<Worker>(makePlanner(), options);
+        const ObjectMeshes meshes = [&](const std::string& object) { return mine->planner.objectMesh(object); };
+        TaskTrial trial = runOne(mine->tasks, meshes, task, options.seed, static_cast<int>(index));
         const std::lock_guard lock(mutex);
         found += trial.result.feasible ? 1 : 0;
         trials.push_back(std::move(trial));
-      }
-    } catch (...) {
-      const std::lock_guard lock(mutex);
-      if (!error) error = std::current_exception();
-    }
-  };
-  std::vector<std::thread> others;
-  for (int i = 1; i < threads; ++i) others.emplace_back(work);
-  work();
-  for (std::thread& thread : others) thread.join();
-  if (error) std::rethrow_exception(error);
+        if (found >= feasible) enough = true;
+      },
+      &enough);
   std::sort(trials.begin(), trials.end(), [](const auto& a, const auto& b) { return a.index < b.index; });
   // Threads may have gone beyond the last one that was asked for.
   std::size_t end = 0;

@@ -22,7 +22,7 @@ struct TaskTrial {
 };
 
 /// Draws and plans scenes until `feasible` of them are feasible, in the order of their index, at most ten times as
-/// many. One planner a thread; any number of threads gives the same trials.
+/// many. One planner a thread; any number of threads (0: one for each core) gives the same trials.
 std::vector<TaskTrial> runTaskTrials(const std::function<Planner()>& makePlanner, const TaskOptions& options,
                                      const Task& task, int feasible, int threads);
 

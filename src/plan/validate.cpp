@@ -15,7 +15,6 @@ using Eigen::VectorXd;
 
 constexpr double kReadyBack = 0.001;      // m before the grasp: the last of the way in belongs to closing
 constexpr double kReadySideways = 0.002;  // m off what the hand will lean on
-constexpr double kResting = 0.002;        // m, an obstacle that near is what the target stands on
 
 /// A pose of the hand root at a distance before the grasp, the hand still off what it will touch.
 Isometry3d handBefore(const StoredGrasp& grasp, double distance) {

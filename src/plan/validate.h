@@ -30,6 +30,8 @@ inline constexpr std::array<std::string_view, 8> kRejectionNames = {
     "hand_collision",  "target_collision", "unreachable", "arm_collision",
     "approach_broken", "lift_blocked",     "no_motion",   "recheck_failed"};
 
+inline constexpr double kResting = 0.002;  // m, an obstacle that near is what the target stands on
+
 struct ValidationSettings {
   double pregrasp = 0.05;      // m, where the straight approach begins
   double lift = 0.05;          // m, along the world's z; 0: none

@@ -11,11 +11,7 @@ constexpr int kSweepSteps = 3;       // between pre-grasp and grasp
 
 /// The links that the arm's joints move, without its hand.
 std::vector<bool> armLinks(const Robot& robot, const Arm& arm) {
-  std::vector<bool> result(robot.body.links.size(), false);
-  for (const int joint : arm.joints) {
-    const std::vector<bool> moved = linksMovedBy(robot.body, joint, true);
-    for (std::size_t i = 0; i < result.size(); ++i) result[i] = result[i] || moved[i];
-  }
+  std::vector<bool> result = linksMovedBy(robot.body, arm.joints);
   for (const int link : arm.handLinks) result[link] = false;
   return result;
 }

@@ -24,10 +24,7 @@ std::shared_ptr<const ObstacleShape> makeShape(decltype(ObstacleShape::kind) kin
   shape.kind = std::move(kind);
   shape.mesh = std::move(mesh);
   roundToFloat(shape.mesh);
-  const std::vector<std::uint32_t> pieces = connectedPieces(shape.mesh);
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    if (pieces[i] == i) shape.piecePoints.push_back(shape.mesh.vertices[i]);
-  }
+  shape.piecePoints = pieceVertices(shape.mesh);
   shape.watertight = isWatertight(shape.mesh);
   return std::make_shared<const ObstacleShape>(std::move(shape));
 }

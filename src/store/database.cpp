@@ -154,10 +154,13 @@ std::vector<fs::path> Database::files() const {
   return paths;
 }
 
+void Database::requireFolder() const {
+  if (fs::is_directory(folder_)) return;
+  throw InputError(fmt::format("{}: is no folder, want a database (--db DIR or HANDHOLD_DB)", folder_.string()));
+}
+
 std::vector<SetFile> Database::sets(const std::string& objectGlob, const std::string& handGlob) const {
-  if (!fs::is_directory(folder_)) {
-    throw InputError(fmt::format("{}: is no folder, want a database (--db DIR or HANDHOLD_DB)", folder_.string()));
-  }
+  requireFolder();
   std::vector<SetFile> found;
   for (const fs::path& object : subfolders(folder_, objectGlob)) {
     for (const fs::path& hand : subfolders(object, handGlob)) {

@@ -70,13 +70,16 @@ class Database {
   /// Every folder `DIR/<object>/<hand>`, whatever is in it, sorted.
   std::vector<std::filesystem::path> setFolders() const;
 
-  /// Those whose names match the shell patterns, in the same order.
   /// @throws InputError  the folder of the database is none
+  void requireFolder() const;
+
+  /// Those whose names match the shell patterns, in the same order.
+  /// @throws InputError  as requireFolder()
   std::vector<SetFile> sets(const std::string& objectGlob = "*", const std::string& handGlob = "*") const;
 
   /// What `list` shows, in the order of files(): from the index where its row is up to date, else from the set.
   /// A set that cannot be read is left out and a line about it added to `failures`.
-  /// @throws InputError  the folder of the database is none
+  /// @throws InputError  as requireFolder()
   std::vector<GraspSetSummary> summaries(std::vector<std::string>& failures) const;
   /// Writes `index.sqlite`, which makes summaries() and queries over many sets fast, in place of a former one; reads
   /// the sets that the former one does not know as they are. Returns how many sets it holds.

@@ -149,6 +149,11 @@ TEST_F(Kinematics, LinksMoved) {
   EXPECT_THAT(linksMoved(hand, "slide", true), ElementsAre("slider"));
   EXPECT_THAT(linksMoved(hand, "z_first", false), ElementsAre("z"));
   EXPECT_THAT(linksMoved(hand, "z_first", true), ElementsAre("a", "m", "z"));
+  const std::vector<bool> moved = linksMovedBy(hand, {joint(hand, "slide"), joint(hand, "z_first")});
+  for (std::size_t i = 0; i < hand.links.size(); ++i) {
+    const std::string& name = hand.links[i].name;
+    EXPECT_EQ(moved[i], name == "slider" || name == "a" || name == "m" || name == "z") << name;
+  }
 }
 
 // A link moves if and only if forward kinematics says so.

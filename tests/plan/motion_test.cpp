@@ -2,6 +2,9 @@
 // none.
 #include "plan/motion.h"
 
+#include <limits>
+#include <numbers>
+
 #include <gtest/gtest.h>
 
 namespace handhold {
@@ -36,6 +39,23 @@ TEST(Motion, GoesThroughTheGap) {
   const auto again = planMotion(space, start, goal, {});
   ASSERT_TRUE(again);
   EXPECT_EQ(*path, *again);
+}
+
+// Without limits the search goes as far as once around from start and goal, and no farther.
+TEST(Motion, JointsWithoutLimitsGoOnceAround) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  MotionSpace space;
+  space.lower = Eigen::Vector2d::Constant(-kInfinity);
+  space.upper = Eigen::Vector2d::Constant(kInfinity);
+  space.reach = Eigen::Vector2d(1, 1);
+  double farthest = 0;
+  space.isFree = [&](const Eigen::VectorXd& q) {
+    farthest = std::max(farthest, q.cwiseAbs().maxCoeff());
+    return std::abs(q[0] - 0.5) > 0.02 || q[1] > 2.5;
+  };
+  EXPECT_TRUE(planMotion(space, Eigen::Vector2d(0.1, 0), Eigen::Vector2d(0.9, 0), {}));
+  EXPECT_GT(farthest, 2.5);
+  EXPECT_LE(farthest, 0.9 + std::numbers::pi + 1e-6);
 }
 
 TEST(Motion, AFreeLineIsTaken) {

@@ -1,4 +1,4 @@
-#include "build/job_system.h"
+#include "core/job_system.h"
 
 #include <algorithm>
 #include <exception>
