@@ -48,6 +48,15 @@ struct ImportCommand {
   PackagePaths packages;
 };
 
+struct HandCommand {
+  std::string path;         // a folder with hand.yaml; a URDF to begin one for
+  bool initialise = false;  // print a first hand.yaml
+  std::string rootLink;     // for it; empty: guessed
+  std::string pictures;     // a folder; empty: none are drawn
+  double sphereRadius = 0;  // m
+  PackagePaths packages;
+};
+
 struct VerifyCommand {
   std::string objectGlob = "*", handGlob = "*";
   int setVersion = 0;  // 0: all
@@ -67,7 +76,7 @@ int runQuery(const QueryCommand& command, const Database& database);
 int runExport(ExportCommand command, const Database& database);
 int runImport(const ImportCommand& command, const Database& database);
 int runIndex(const Database& database);
-int runHand(const std::string& path, bool initialise, const PackagePaths& packages, double sphereRadius);
+int runHand(const HandCommand& command);
 int runRender(const std::string& set, const std::string& output);
 
 /// The grasps that pass; failures, and what was left out and why, are told on stderr. @throws InputError

@@ -1,6 +1,9 @@
 #include "app/commands.h"
 #include "core/error.h"
+#include "mesh/primitives.h"
 #include "simulate/hand_check.h"
+#include "view/hand_picture.h"
+#include "view/png.h"
 
 #include <cmath>
 
@@ -62,16 +65,37 @@ std::string stopsText(const Hand& hand, const GraspTrial& trial) {
   return result;
 }
 
+/// Each preshape as it is, and closed on the sphere.
+void drawPreshapes(const Hand& hand, const HandCheck& check, const std::string& folder) {
+  RenderSettings settings;
+  settings.width = settings.height = 600;
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw SystemError(fmt::format("{}: cannot be created: {}", folder, error.message()));
+  for (std::size_t i = 0; i < check.preshapes.size(); ++i) {
+    const GraspTrial& closed = check.preshapes[i].onSphere;
+    const ScenePart sphere{sphereMesh(check.sphereRadius), closed.X_OH.inverse(), {0.85, 0.36, 0.085}, false};
+    const fs::path file = fs::path(folder) / (check.preshapes[i].name + ".png");
+    writePng(composeGrid({handPicture(hand, hand.preshapes[i].jointPosition, {}, settings),
+                          handPicture(hand, closed.jointPosition, {sphere}, settings)},
+                         2),
+             file);
+    fmt::print("{}: {}, open and closed; blue: approach, red: closing, from the palm point\n", file.string(),
+               check.preshapes[i].name);
+  }
+}
+
 }  // namespace
 
-int runHand(const std::string& path, bool initialise, const PackagePaths& packages, double sphereRadius) {
+int runHand(const HandCommand& command) {
+  const auto& [path, initialise, rootLink, pictures, sphereRadius, packages] = command;
   if (initialise) {
-    fmt::print("{}", initialHandConfig(path, packages));
+    fmt::print("{}", initialHandConfig(path, rootLink, packages));
     return kExitDone;
   }
   const fs::path extension = fs::path(path).extension();
   if (extension == ".urdf" || extension == ".xacro") {
-    initialHandConfig(path, packages);  // refuses what is no hand at all
+    initialHandConfig(path, "", packages);  // refuses what is no hand at all
     throw InputError(
         fmt::format("{}: is a URDF, want a folder with hand.yaml; start one with: handhold hand {} --init > hand.yaml",
                     path, path));
@@ -93,6 +117,7 @@ int runHand(const std::string& path, bool initialise, const PackagePaths& packag
     fmt::print("  closed on a sphere of {:.0f} mm, backed off {:.1f} mm: {}; {} contacts\n", 2e3 * sphereRadius,
                1e3 * preshape.onSphere.backoff, stopsText(hand, preshape.onSphere), preshape.onSphere.contacts.size());
   }
+  if (!pictures.empty()) drawPreshapes(hand, check, pictures);
   for (const std::string& warning : check.warnings) fmt::print("warning: {}\n", warning);
   fmt::print("{}\n", check.warnings.empty() ? "the hand is ready" : "the hand loads; look at the warnings");
   return kExitDone;

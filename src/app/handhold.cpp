@@ -103,7 +103,7 @@ int runProgram(int argc, char** argv) {
   VerifyCommand verify;
   PruneOptions prune;
   std::string otherSet;
-  bool initialise = false;
+  HandCommand hand;
   double sphereDiameter = 0.05;
 
   const auto addDatabase = [&](CLI::App* command) {
@@ -186,10 +186,17 @@ int runProgram(int argc, char** argv) {
   addDatabase(indexCommand);
 
   CLI::App* handCommand = app.add_subcommand("hand", "check a hand: joints, coupling, palm, every preshape closed");
-  handCommand->add_option("hand", path, "the hand's folder, or a URDF with --init")
+  handCommand->add_option("hand", hand.path, "the hand's folder, or a URDF with --init")
       ->required()
       ->type_name("DIR|FILE.urdf");
-  handCommand->add_flag("--init", initialise, "print a hand.yaml to start from");
+  CLI::Option* init =
+      handCommand->add_flag("--init", hand.initialise, "print a first hand.yaml, guessed from the URDF");
+  handCommand->add_option("--root", hand.rootLink, "the hand is what hangs from this link (default: guessed)")
+      ->type_name("LINK")
+      ->needs(init);
+  handCommand->add_option("--out", hand.pictures, "draw every preshape, open and closed on the sphere, as DIR/NAME.png")
+      ->type_name("DIR")
+      ->excludes(init);
   handCommand->add_option("--sphere", sphereDiameter, "diameter [m] of the sphere to close on")
       ->check(CLI::PositiveNumber);
   addPackages(handCommand);
@@ -226,7 +233,8 @@ int runProgram(int argc, char** argv) {
                                                              {"json", ProgressMode::json},
                                                              {"none", ProgressMode::none}};
   build.options.progress = kModes.at(progress);
-  build.options.packages = importing.packages = parsePackages(packages);
+  build.options.packages = importing.packages = hand.packages = parsePackages(packages);
+  hand.sphereRadius = sphereDiameter / 2;
   build.json = verify.json = format == "json";
   parseShard(shard, build.options);
   const Database database(databaseFolder);
@@ -244,7 +252,7 @@ int runProgram(int argc, char** argv) {
   if (*verifyCommand) return runVerify(verify, database);
   if (*diffCommand) return runDiff(path, otherSet, format == "json", database);
   if (*pruneCommand) return runPrune(prune, database);
-  if (*handCommand) return runHand(path, initialise, build.options.packages, sphereDiameter / 2);
+  if (*handCommand) return runHand(hand);
   return runRender(path, output);
 }
 

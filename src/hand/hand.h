@@ -55,7 +55,11 @@ void choosePreshapes(Hand& hand, const std::vector<std::string>& names);
 /// is stopped (breakaway).
 std::vector<int> fixingJoints(const Hand& hand);
 
-/// A hand.yaml to start from for a URDF: the joints that close listed, the palm to be filled in.
-std::string initialHandConfig(const std::string& urdfPath, const PackagePaths& packages = {});
+/// A first hand.yaml for a URDF, with what was guessed in its comments (README.md says how): root, palm, tool centre
+/// point, what closes and which way, preshapes.
+/// @param rootLink  empty: where the fingers branch off
+/// @throws InputError  naming the file and the element; the URDF has no such link, or nothing that moves below it
+std::string initialHandConfig(const std::string& urdfPath, const std::string& rootLink = "",
+                              const PackagePaths& packages = {});
 
 }  // namespace handhold

@@ -287,29 +287,4 @@ std::vector<int> fixingJoints(const Hand& hand) {
   return joints;
 }
 
-std::string initialHandConfig(const std::string& urdfPath, const PackagePaths& packages) {
-  Hand hand;
-  readUrdf(urdfPath, "", {}, packages, hand);
-  std::string joints, closing;
-  for (const Joint& joint : hand.joints) {
-    if (joint.mimicOf >= 0) continue;
-    const double rest = std::clamp(0.0, joint.lower, joint.upper);
-    joints += fmt::format("{}{}: {}", joints.empty() ? "" : ", ", joint.name, rest);
-    closing += fmt::format("  - {{joint: {}, direction: {}}}\n", joint.name, joint.upper >= -joint.lower ? 1 : -1);
-  }
-  return fmt::format(
-      "# Made from {0}. Set the palm (a point on its surface, +z of the palm frame = approach, +x = closing),\n"
-      "# keep in `closing` only the joints that close a finger, and give each preshape the opening that you want.\n"
-      "urdf: {0}\n"
-      "root_link: {1}\n"
-      "palm: {{link: {1}, position: [0, 0, 0], approach: [0, 0, 1], closing: [1, 0, 0]}}\n"
-      "preshapes:\n"
-      "  - {{name: open, joints: {{{2}}}}}\n"
-      "closing:\n{3}"
-      "contact_links: all\n"
-      "# Fingertips that transmit a moment about the contact normal, up to friction x torsion_radius x normal force:\n"
-      "# contact: {{model: soft_finger, torsion_radius: METRES}}\n",
-      fs::path(urdfPath).filename().string(), hand.links[0].name, joints, closing);
-}
-
 }  // namespace handhold

@@ -401,7 +401,19 @@ class Programs(unittest.TestCase):
         folder.mkdir()
         shutil.copy(SOURCE / "hands/jaw/jaw.urdf", folder)
         (folder / "hand.yaml").write_text(template.stdout)
-        self.assertEqual(run("hand", folder).returncode, 0)
+        pictures = self.folder / "pictures"
+        result = run("hand", folder, "--out", pictures)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("the hand is ready", result.stdout)
+        self.assertEqual(sorted(path.name for path in pictures.iterdir()), ["half.png", "open.png"])
+        for path in pictures.iterdir():
+            self.assertIn(str(path), result.stdout)
+            self.assertEqual(path.read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
+        # What was guessed grasps.
+        job = self.job(objects=("t_bar.ply",))
+        job.write_text(job.read_text().replace(f"{SOURCE}/hands/jaw", str(folder)))
+        self.assertEqual(run("build", job, "--db", self.db, "--progress", "none").returncode, 0)
+        self.assertGreater(json.loads(run("info", self.db / "t_bar/mine/v0001.h5", "--format", "json").stdout)["grasps"], 0)
 
     def test_soft_fingers(self):
         hand = self.folder / "soft"
@@ -553,6 +565,9 @@ class Programs(unittest.TestCase):
         xacro.write_text("<robot xmlns:xacro='http://www.ros.org/wiki/xacro' name='x'/>")
         self.assert_refused(run("hand", xacro), "is a xacro file", "xacro hand.urdf.xacro > hand.urdf")
         self.assert_refused(run("hand", SOURCE / "hands/jaw/jaw.urdf"), "--init")
+        self.assert_refused(run("hand", SOURCE / "hands/jaw/jaw.urdf", "--init", "--root", "elbow"), "has no link elbow")
+        self.assert_refused(run("hand", SOURCE / "hands/jaw", "--root", "palm"), "--init")
+        self.assert_refused(run("hand", SOURCE / "hands/jaw/jaw.urdf", "--init", "--out", self.folder), "--out")
         self.assert_refused(run("hand", self.folder / "none"), "none", "does not exist")
 
     def test_damaged_set_is_told(self):
