@@ -19,9 +19,9 @@ function(handhold_module name)
   target_compile_features(handhold_${name} PUBLIC cxx_std_20)
   target_include_directories(handhold_${name} INTERFACE $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/handhold>)
   set_target_properties(handhold_${name} PROPERTIES EXPORT_NAME ${name})
-  install(TARGETS handhold_${name} EXPORT handhold ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(TARGETS handhold_${name} EXPORT handhold ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
   install(DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR}/${name} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/handhold
-          FILES_MATCHING PATTERN "*.h")
+          COMPONENT development FILES_MATCHING PATTERN "*.h")
 endfunction()
 
 # handhold_test(NAME SOURCES a.cpp ... LIBRARIES targets): one GoogleTest program, labelled fast.
