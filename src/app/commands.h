@@ -57,6 +57,11 @@ struct HandCommand {
   PackagePaths packages;
 };
 
+struct ReportCommand {
+  std::string objectGlob = "*", handGlob = "*", output;
+  std::optional<std::size_t> top;  // grasps of each set; none: as many as a page carries
+};
+
 struct VerifyCommand {
   std::string objectGlob = "*", handGlob = "*";
   int setVersion = 0;  // 0: all
@@ -78,6 +83,8 @@ int runImport(const ImportCommand& command, const Database& database);
 int runIndex(const Database& database);
 int runHand(const HandCommand& command);
 int runRender(const std::string& set, const std::string& output);
+/// One HTML file about the newest version of every set that the globs pick.
+int runReport(const ReportCommand& command, const Database& database);
 
 /// The grasps that pass; failures, and what was left out and why, are told on stderr. @throws InputError
 QueryAnswer findGrasps(const QueryCommand& command, const Database& database);

@@ -207,6 +207,16 @@ int runProgram(int argc, char** argv) {
       ->type_name("SET[:I]");
   renderCommand->add_option("--out", output, "the PNG to write")->required()->type_name("PNG");
 
+  ReportCommand report;
+  CLI::App* reportCommand =
+      app.add_subcommand("report", "sets in one HTML file that a browser shows: grasps in 3-D, filters, outcomes");
+  reportCommand->add_option("--out", report.output, "the file to write")->required()->type_name("FILE.html");
+  addDatabase(reportCommand);
+  addNames(reportCommand, report.objectGlob, report.handGlob);
+  reportCommand->add_option("--top", report.top, "at most K grasps of each set (default: 50000 in all)")
+      ->check(CLI::Range(1, std::numeric_limits<int>::max()))
+      ->type_name("K");
+
   SubmitCommand submit;
   submit.options.shards = 0;
   bool slurm = false;
@@ -253,6 +263,7 @@ int runProgram(int argc, char** argv) {
   if (*diffCommand) return runDiff(path, otherSet, format == "json", database);
   if (*pruneCommand) return runPrune(prune, database);
   if (*handCommand) return runHand(hand);
+  if (*reportCommand) return runReport(report, database);
   return runRender(path, output);
 }
 

@@ -1,5 +1,6 @@
 // The online program: ranks stored grasps in the present scene and plans with them.
 #include "app/experiment_command.h"
+#include "app/plan_report_command.h"
 #include "app/program.h"
 #include "app/task_command.h"
 #include "core/error.h"
@@ -8,6 +9,7 @@
 #include "plan/planner.h"
 #include "plan/server.h"
 
+#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <limits>
@@ -17,6 +19,8 @@
 
 namespace handhold {
 namespace {
+
+namespace fs = std::filesystem;
 
 struct Options {
   std::string robot, scene, score = "paper", format = "table", output, record, replay, srdf;
@@ -103,6 +107,18 @@ std::string summary(const PlanResult& result, const Planner& planner) {
   return text + fmt::format("time: {:.0f} ms ({})\n", total, stages);
 }
 
+PlanSource sourceOf(const Options& options) {
+  PlanSource source;
+  source.robot = fs::absolute(options.robot).lexically_normal().string();
+  source.scene = fs::absolute(options.scene).lexically_normal().string();
+  source.database = fs::absolute(options.database).lexically_normal().string();
+  source.score = options.score;
+  for (const auto& [name, folder] : parsePackages(options.packages)) {
+    source.packages[name] = fs::absolute(folder).lexically_normal().string();
+  }
+  return source;
+}
+
 int runPlan(const Options& options) {
   Planner planner = makePlanner(options);
   loadSceneOf(options, planner);
@@ -120,11 +136,12 @@ int runPlan(const Options& options) {
         fmt::format("rank {}, grasp {}: {}: {}", traced.rank, traced.grasp.score.grasp, traced.reason, traced.detail));
   }
   const std::string text = summary(result, planner);
+  const PlanSource source = sourceOf(options);
   if (options.output.empty()) {
     fmt::print(stderr, "{}", text);
-    fmt::print("{}\n", planJson(result, true));
+    fmt::print("{}\n", planJson(result, true, &source));
   } else {
-    replaceContent(options.output, planJson(result, true) + "\n");
+    replaceContent(options.output, planJson(result, true, &source) + "\n");
     fmt::print("{}", text);
   }
   return result.planned ? kExitDone : kExitItemFailed;
@@ -241,6 +258,16 @@ int runProgram(int argc, char** argv) {
       ->type_name("DIR");
   bench->add_option("--package", options.packages, "NAME=DIR: where package://NAME/ leads")->type_name("NAME=DIR");
 
+  PlanReportCommand reporting;
+  CLI::App* report = app.add_subcommand(
+      "report", "a plan or task in one HTML file that a browser shows: scene, maps, ranking, motion");
+  report->add_option("plan", reporting.plan, "what plan or task wrote")->required()->type_name("PLAN.json");
+  report->add_option("--out", reporting.output, "the file to write")->required()->type_name("FILE.html");
+  report->add_option("--robot", reporting.robot, "instead of the robot that the plan names")->type_name("DIR");
+  report->add_option("--scene", reporting.scene, "instead of the scene or task that the plan names")->type_name("FILE");
+  report->add_option("--db", reporting.database, "instead of the database that the plan names")->type_name("DIR");
+  report->add_option("--package", options.packages, "NAME=DIR: where package://NAME/ leads")->type_name("NAME=DIR");
+
   CLI::App* robot = app.add_subcommand("robot", "check a robot, or write a first robot.yaml for a URDF");
   robot->add_option("robot", options.robot, "the robot's folder, or a URDF with --init")
       ->required()
@@ -261,12 +288,18 @@ int runProgram(int argc, char** argv) {
     task.database = options.database;
     task.packages = parsePackages(options.packages);
     task.options.score = *scoreOf(options.score);
+    options.scene = task.task;
+    task.source = sourceOf(options);
     return runTask(task);
   }
   if (*bench) {
     experiment.database = options.database;
     experiment.packages = parsePackages(options.packages);
     return runExperimentCommand(experiment);
+  }
+  if (*report) {
+    reporting.packages = parsePackages(options.packages);
+    return runPlanReport(reporting);
   }
   return runRobot(options);
 }

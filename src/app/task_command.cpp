@@ -86,7 +86,10 @@ int runTask(const TaskCommand& command) {
     if (command.trials > 0) return runTrials(command, robot, task);
     if (command.draw >= 0) task = drawTask(task, meshes, command.options.seed, command.draw);
     const TaskResult result = TaskPlanner(planner, command.options).plan(task);
-    if (!command.output.empty()) replaceContent(command.output, taskJson(task, robot, result, true) + "\n");
+    PlanSource source = command.source;
+    source.seed = command.options.seed;
+    if (command.draw >= 0) source.draw = command.draw;
+    if (!command.output.empty()) replaceContent(command.output, taskJson(task, robot, result, true, &source) + "\n");
     fmt::print("{}", summary(task, robot, result));
     return result.done ? kExitDone : kExitItemFailed;
   } catch (const InputError& error) {

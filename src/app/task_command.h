@@ -11,8 +11,9 @@ struct TaskCommand {
   std::string robot, database, task, output;
   PackagePaths packages;
   TaskOptions options;
-  int trials = 0;  // > 0: so many feasible random scenes
-  int draw = -1;   // >= 0: that random scene instead of the file's
+  PlanSource source;  // written with the plan
+  int trials = 0;     // > 0: so many feasible random scenes
+  int draw = -1;      // >= 0: that random scene instead of the file's
   int threads = 0;
 };
 

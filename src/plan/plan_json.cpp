@@ -15,6 +15,13 @@ Json poseJson(const Eigen::Isometry3d& X) {
 
 Json vectorJson(const Eigen::VectorXd& v) { return std::vector<double>(v.data(), v.data() + v.size()); }
 
+/// @param file  scene or task: what the file is called among the keys
+Json sourceJson(const PlanSource& source, const char* file) {
+  Json json = {{"robot", source.robot}, {file, source.scene}, {"db", source.database}, {"score", source.score}};
+  if (!source.packages.empty()) json["packages"] = source.packages;
+  return json;
+}
+
 Json termsJson(const GraspScore& score) { return {{"gq", score.gq}, {"gb", score.gb}, {"ge", score.ge}}; }
 
 Json trajectoryJson(const std::vector<std::string>& jointNames, const Trajectory& trajectory) {
@@ -45,7 +52,7 @@ std::string rankingJson(const Planner& planner, const Ranking& ranking, std::siz
   return list.dump();
 }
 
-std::string planJson(const PlanResult& result, bool pretty) {
+std::string planJson(const PlanResult& result, bool pretty, const PlanSource* source) {
   Json json = {{"status", result.planned ? "planned" : "infeasible"}, {"object", result.object}};
   if (result.planned) {
     json["hand"] = result.hand;
@@ -72,10 +79,12 @@ std::string planJson(const PlanResult& result, bool pretty) {
   json["checks"] = result.checks;
   if (result.stopped) json["stopped"] = true;
   json["timing_ms"] = result.timingMs;
+  if (source != nullptr) json["source"] = sourceJson(*source, "scene");
   return json.dump(pretty ? 1 : -1);
 }
 
-std::string taskJson(const Task& task, const Robot& robot, const TaskResult& result, bool pretty) {
+std::string taskJson(const Task& task, const Robot& robot, const TaskResult& result, bool pretty,
+                     const PlanSource* source) {
   Json json = {{"status", result.done ? "planned" : result.feasible ? "failed" : "infeasible"}};
   if (!result.done) json["reason"] = result.reason;
   json["steps"] = Json::array();
@@ -98,6 +107,11 @@ std::string taskJson(const Task& task, const Robot& robot, const TaskResult& res
     json["steps"].push_back(std::move(row));
   }
   json["checks"] = result.checks;
+  if (source != nullptr) {
+    json["source"] = sourceJson(*source, "task");
+    json["source"]["seed"] = source->seed;
+    if (source->draw) json["source"]["draw"] = *source->draw;
+  }
   return json.dump(pretty ? 1 : -1);
 }
 

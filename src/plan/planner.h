@@ -1,5 +1,6 @@
 #pragma once
 
+#include "plan/plan_file.h"
 #include "plan/trajectory.h"
 #include "plan/validate.h"
 #include "rank/score.h"
@@ -123,8 +124,8 @@ class Planner {
   std::unique_ptr<Impl> impl_;
 };
 
-/// `rank --format json` and `plan.json` (docs/online.md). @param top  0: all
+/// `rank --format json` and `plan.json` (docs/online.md). @param top  0: all  @param source  written too, if not null
 std::string rankingJson(const Planner& planner, const Ranking& ranking, std::size_t top);
-std::string planJson(const PlanResult& result, bool pretty);
+std::string planJson(const PlanResult& result, bool pretty, const PlanSource* source = nullptr);
 
 }  // namespace handhold

@@ -72,7 +72,8 @@ class TaskPlanner {
   std::unique_ptr<Impl> impl_;
 };
 
-/// `task --out` (docs/tasks.md).
-std::string taskJson(const Task& task, const Robot& robot, const TaskResult& result, bool pretty);
+/// `task --out` (docs/tasks.md). @param source  written too, if not null
+std::string taskJson(const Task& task, const Robot& robot, const TaskResult& result, bool pretty,
+                     const PlanSource* source = nullptr);
 
 }  // namespace handhold

@@ -20,29 +20,30 @@ namespace fs = std::filesystem;
   throw SystemError(fmt::format("{}: cannot be written: {}", path.string(), reason));
 }
 
-/// The picture as a PNG in memory: libpng's simplified interface writes no time.
-std::vector<png_byte> encode(const Image& image, const fs::path& path) {
+}  // namespace
+
+// libpng's simplified interface writes no time.
+std::vector<std::uint8_t> pngBytes(const Image& image) {
   png_image header{};
   header.version = PNG_IMAGE_VERSION;
   header.width = static_cast<png_uint_32>(image.width);
   header.height = static_cast<png_uint_32>(image.height);
   header.format = PNG_FORMAT_RGB;
   png_alloc_size_t size = 0;
-  std::vector<png_byte> bytes;
-  if (png_image_write_to_memory(&header, nullptr, &size, 0, image.rgb.data(), 0, nullptr) == 0)
-    refuse(path, header.message);
+  std::vector<std::uint8_t> bytes;
+  if (png_image_write_to_memory(&header, nullptr, &size, 0, image.rgb.data(), 0, nullptr) == 0) {
+    throw SystemError(fmt::format("a picture cannot be made a PNG: {}", header.message));
+  }
   bytes.resize(size);
   if (png_image_write_to_memory(&header, bytes.data(), &size, 0, image.rgb.data(), 0, nullptr) == 0) {
-    refuse(path, header.message);
+    throw SystemError(fmt::format("a picture cannot be made a PNG: {}", header.message));
   }
   bytes.resize(size);
   return bytes;
 }
 
-}  // namespace
-
 void writePng(const Image& image, const fs::path& path) {
-  const std::vector<png_byte> bytes = encode(image, path);
+  const std::vector<std::uint8_t> bytes = pngBytes(image);
   const fs::path temporary = temporaryName(path.parent_path());
   std::FILE* file = std::fopen(temporary.c_str(), "wbx");
   if (file == nullptr) refuse(path, std::strerror(errno));

@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 """The online program as a person uses it, on sets that the offline one builds. Usage: plan_test.py HANDHOLD_PLAN HANDHOLD EXAMPLE"""
+import collections
 import json
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -92,6 +94,40 @@ class OnlineProgram(unittest.TestCase):
         for key in plan:
             if key != "timing_ms":
                 self.assertEqual(plan[key], again[key], key)
+
+    def test_report(self):
+        out, page = self.folder / "reported.json", self.folder / "plan.html"
+        scene = self.folder / "crowded.yaml"
+        scene.write_text(self.scene.read_text().replace("[0.5, -0.1, 0.06]", "[0.46, 0.05, 0.06]"))
+        self.assertEqual(self.with_panda("plan", "--out", out, scene=scene).returncode, 0)
+        source = json.loads(out.read_text())["source"]
+        self.assertEqual(source, {"robot": str(ROBOTS / "panda"), "scene": str(scene), "db": str(self.db), "score": "paper"})
+        result = run(PLAN, "report", out, "--out", page)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("planned", result.stdout)
+        verdicts = json.loads(re.search(r'id="plan">(.*?)</script>', page.read_text(), re.S).group(1))["ranking"]["verdict"]
+        plan = json.loads(out.read_text())
+        self.assertGreater(plan["rank"], 1, "this scene rejects no grasp")
+        self.assertEqual(verdicts.index("planned") + 1, plan["rank"])
+        self.assertEqual(collections.Counter(verdicts[:plan["rank"] - 1]), plan["rejected"])
+        # A plan without a source, as the server answers, is told what it was made from.
+        del plan["source"]
+        bare = self.folder / "bare.json"
+        bare.write_text(json.dumps(plan))
+        self.assert_refused(run(PLAN, "report", bare, "--out", page), "bare.json", "--robot")
+        result = run(PLAN, "report", bare, "--out", page, "--robot", ROBOTS / "panda", "--scene", scene, "--db", self.db)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        # What is not as it was when it was planned is no picture of the plan.
+        moved = self.changed("[0.5, 0.1, 0]", "[0.5, 0.12, 0]")
+        self.assert_refused(run(PLAN, "report", out, "--out", page, "--scene", moved), "reported.json", "another plan")
+        self.assert_refused(run(PLAN, "report", out, "--out", page, "--robot", ROBOTS / "hrp2"), "reported.json")
+        self.assert_refused(run(PLAN, "report", self.scene, "--out", page), "scene.yaml", "want a file that handhold-plan")
+        # Infeasible scenes have a report too: it says why.
+        far, infeasible = self.changed("[0.5, 0.1, 0]", "[5.5, 0.1, 0]"), self.folder / "infeasible.json"
+        self.assertEqual(self.with_panda("plan", "--out", infeasible, scene=far).returncode, 1)
+        result = run(PLAN, "report", infeasible, "--out", page)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("infeasible", result.stdout)
 
     def test_two_arms(self):
         scene = self.folder / "hrp2.yaml"

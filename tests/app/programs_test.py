@@ -315,6 +315,35 @@ class Programs(unittest.TestCase):
         self.assertEqual(picture.read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
         self.assert_refused(run("render", f"{self.db / 't_bar/jaw/v0001.h5'}:100000", "--out", picture), "100000")
 
+    def test_report(self):
+        self.assertEqual(self.build(objects=("box.stl", "t_bar.ply")).returncode, 0)
+        page = self.folder / "report.html"
+        result = run("report", "--db", self.db, "--out", page, "--top", "3")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertRegex(result.stdout, r"report.html: 2 sets, \d+ grasps, [0-9.]+ MB\n")
+        self.assertIn('"shown":3', page.read_text())
+        self.assert_refused(run("report", "--db", self.db, "--out", page, "--object", "teapot"), "teapot")
+        self.assert_refused(run("report", "--db", self.db), "--out")
+        self.assert_refused(run("report", "--db", self.db, "--out", page, "--top", "0"), "--top")
+        # A damaged set is told on the page and by the exit code; the others are shown.
+        broken = self.db / "box/jaw/v0001.h5"
+        broken.chmod(0o644)
+        broken.write_bytes(broken.read_bytes()[:-1])
+        result = run("report", "--db", self.db, "--out", page)
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("1 sets", result.stdout)
+        self.assertIn(str(broken), result.stderr)
+        self.assertIn(str(broken), page.read_text())
+        # An older version is not shown beside the newest.
+        self.assertEqual(run("build", self.job(objects=("t_bar.ply",)), "--db", self.db, "--force", "--progress", "none").returncode, 0)
+        result = run("report", "--db", self.db, "--object", "t_bar", "--out", page)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("1 sets", result.stdout)
+        self.assertIn("t_bar/jaw/v0002.h5", page.read_text())
+        result = run("report", "--db", self.db, "--object", "t_bar", "--out", self.folder / "none/report.html")
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("none", result.stderr)
+
     def test_query(self):
         self.assertEqual(self.build(objects=("box.stl", "t_bar.ply")).returncode, 0)
         table = run("query", "--db", self.db, "--top", 2)

@@ -1,11 +1,15 @@
 #!/usr/bin/env python3
 """The regrasp that ships, from the build of its grasps to the plan. Usage: task_test.py HANDHOLD HANDHOLD-PLAN"""
+import base64
 import json
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
 import unittest
+
+import numpy
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 PROGRAMS = [pathlib.Path(p).resolve() for p in sys.argv[1:3]]
@@ -52,6 +56,23 @@ class Tasks(unittest.TestCase):
         self.assertGreater(y, 0.16)                              # on the left
         self.assertAlmostEqual(z, 0.79)                          # 14 cm tall, on a table at 0.65 m
         self.assertAlmostEqual(1 - 2 * (qx * qx + qy * qy), -1)  # upside down
+        self.check_report(out, motions)
+
+    def check_report(self, plan, motions):
+        """The report plays the object from hand to hand, without a jump, to where the plan leaves it."""
+        page = pathlib.Path(self.folder.name) / "plan.html"
+        result = run(PROGRAMS[1], "report", plan, "--out", page)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        data = json.loads(re.search(r'id="plan">(.*?)</script>', page.read_text(), re.S).group(1))
+        poses = numpy.frombuffer(base64.b64decode(data["bodies"][0]["poses"][3:]), "<f4").reshape(-1, 7)
+        times = numpy.frombuffer(base64.b64decode(data["time"][3:]), "<f4")
+        self.assertEqual(len(poses), len(times))
+        speeds = numpy.linalg.norm(numpy.diff(poses[:, :3], axis=0), axis=1) / numpy.diff(times)
+        self.assertGreater(speeds.max(), 0.05)
+        self.assertLess(speeds.max(), 2, "m/s: the object jumps")
+        numpy.testing.assert_allclose(poses[-1, :3], motions[-1]["object_pose_after"][:3], atol=1e-4)
+        self.assertEqual([s["name"] for s in data["segments"]],
+                         [s["name"] for motion in motions for s in motion["trajectory"]["segments"]])
 
     def test_what_cannot_be_done_is_counted(self):
         text = TASK.read_text().replace("position: [0.36, -0.25, 0.65]", "position: [2.36, -0.25, 0.65]")

@@ -1,0 +1,61 @@
+#include "app/commands.h"
+#include "core/error.h"
+#include "core/file.h"
+#include "core/log.h"
+#include "view/report_sets.h"
+
+#include <algorithm>
+#include <map>
+
+#include <fmt/format.h>
+
+namespace handhold {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kGraspsOfAPage = 50'000;  // 20 MB of a page; without --top the sets share them
+constexpr std::size_t kFewestOfASet = 100;
+
+/// The newest version of every object and hand that the patterns pick.
+std::vector<SetFile> newestSets(const ReportCommand& command, const Database& database) {
+  std::map<std::pair<std::string, std::string>, SetFile> newest;
+  for (const SetFile& file : database.sets(command.objectGlob, command.handGlob)) {
+    SetFile& known = newest[{file.object, file.hand}];
+    if (file.version > known.version) known = file;
+  }
+  std::vector<SetFile> sets;
+  for (const auto& [names, file] : newest) sets.push_back(file);
+  return sets;
+}
+
+}  // namespace
+
+int runReport(const ReportCommand& command, const Database& database) {
+  const std::vector<SetFile> sets = newestSets(command, database);
+  if (sets.empty()) {
+    throw InputError(fmt::format("{}: has no set of object \"{}\" and hand \"{}\", want at least one (see list)",
+                                 database.folder().string(), command.objectGlob, command.handGlob));
+  }
+  const std::size_t top = command.top.value_or(std::max(kFewestOfASet, kGraspsOfAPage / sets.size()));
+  SetsReport report(sets.size() > 1);
+  std::size_t shown = 0, failed = 0;
+  for (const SetFile& file : sets) {
+    try {
+      const GraspSet set = readGraspSet(file.path);
+      shown += std::min(top, set.graspCount());
+      report.add({set, file.path.string(), fs::file_size(file.path), top, {}});
+    } catch (const InputError& error) {
+      logError(error.what());
+      report.addFailure(error.what());
+      ++failed;
+    }
+  }
+  const std::string html = report.html(database.folder().string());
+  replaceContent(command.output, html);
+  fmt::print("{}: {} sets, {} grasps, {:.1f} MB\n", command.output, sets.size() - failed, shown,
+             static_cast<double>(html.size()) / 1e6);
+  return failed == 0 ? kExitDone : kExitItemFailed;
+}
+
+}  // namespace handhold
