@@ -1,7 +1,9 @@
 // Makes a large set of a small one: its samples, trials and grasps again and again, as those of a finer sampling.
+// With 0 grasps: a set without any, and all its samples.
 // Usage: repeat_grasps SET GRASPS DATABASE
 #include "store/database.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <iostream>
 
@@ -23,9 +25,9 @@ void appendRows(const std::vector<T>& from, std::size_t row, std::size_t width, 
 
 /// Rows stay in the order of falling epsilon: all copies of the first, then of the second.
 GraspSet repeated(const GraspSet& set, std::size_t grasps) {
-  const std::size_t n = set.graspCount(), copies = (grasps + n - 1) / n;
+  const std::size_t n = set.graspCount(), copies = std::max<std::size_t>(1, (grasps + n - 1) / n);
   GraspSet large = set;
-  large.object += "_large";
+  large.object += "_repeated";
   large.samples *= copies;
   for (auto* array : {&large.samplePoint, &large.sampleNormal, &large.trialEpsilon}) repeat(*array, copies - 1);
   repeat(large.outcome, copies - 1);

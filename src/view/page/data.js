@@ -1,6 +1,11 @@
 // What the program put into the page, and how it is shown: packed arrays, elements, numbers.
 
-const kArrays = {f4: Float32Array, u4: Uint32Array, u2: Uint16Array, u1: Uint8Array};
+const kArrays = {
+  f4: Float32Array,
+  u4: Uint32Array,
+  u2: Uint16Array,
+  u1: Uint8Array
+};
 
 /** The data of a name: a JSON block of the page, null when there is none. */
 function readBlock(name) {
@@ -28,9 +33,12 @@ function drawn(tag, attributes = {}, ...children) {
 
 function fillElement(node, attributes, children) {
   for (const [name, value] of Object.entries(attributes)) {
-    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
-    else if (value === true) node.setAttribute(name, "");
-    else if (value !== false && value !== undefined) node.setAttribute(name, value);
+    if (name.startsWith("on"))
+      node.addEventListener(name.slice(2), value);
+    else if (value === true)
+      node.setAttribute(name, "");
+    else if (value !== false && value !== undefined)
+      node.setAttribute(name, value);
   }
   node.append(...children.filter((child) => child !== null && child !== undefined && child !== ""));
   return node;
@@ -70,13 +78,23 @@ function words(name) {
 
 /** A table of two columns: [[label, text or element], ...]. */
 function factTable(facts) {
-  return element("table", {class: "facts"}, element("tbody", {}, ...facts.map(
-      ([label, value]) => element("tr", {}, element("th", {scope: "row"}, label), element("td", {}, value)))));
+  return element(
+      "table", {class: "facts"},
+      element(
+          "tbody", {},
+          ...facts.map(
+              ([label, value]) => element("tr", {}, element("th", {scope: "row"}, label), element("td", {}, value)))));
 }
 
 /** A switch with a label: changes `state[key]`. */
 function toggle(label, state, key, changed, title) {
-  const input = element("input", {type: "checkbox", onchange: () => { state[key] = input.checked; changed(); }});
+  const input = element("input", {
+    type: "checkbox",
+    onchange: () => {
+      state[key] = input.checked;
+      changed();
+    }
+  });
   input.checked = state[key];
   input.dataset.key = key;
   return element("label", {class: "toggle", title}, input, element("span", {}, label));
@@ -85,8 +103,8 @@ function toggle(label, state, key, changed, title) {
 /** Pose [x, y, z, qx, qy, qz, qw] at an offset of an array. */
 function poseAt(array, offset = 0) {
   const [x, y, z, a, b, c, d] = array.slice(offset, offset + 7);
-  return new THREE.Matrix4().compose(new THREE.Vector3(x, y, z), new THREE.Quaternion(a, b, c, d).normalize(),
-                                     new THREE.Vector3(1, 1, 1));
+  return new THREE.Matrix4().compose(
+      new THREE.Vector3(x, y, z), new THREE.Quaternion(a, b, c, d).normalize(), new THREE.Vector3(1, 1, 1));
 }
 
 /**
@@ -100,8 +118,8 @@ function linkPoses(hand, q, offset = 0) {
     let pose = poseAt(link.pose);
     if (link.joint >= 0) {
       const joint = hand.joints[link.joint], axis = new THREE.Vector3(...joint.axis), position = q[offset + link.joint];
-      const motion = joint.prismatic ? new THREE.Matrix4().makeTranslation(...axis.multiplyScalar(position).toArray())
-                                     : new THREE.Matrix4().makeRotationAxis(axis, position);
+      const motion = joint.prismatic ? new THREE.Matrix4().makeTranslation(...axis.multiplyScalar(position).toArray()) :
+                                       new THREE.Matrix4().makeRotationAxis(axis, position);
       pose = poseAt(joint.pose).multiply(motion);
     }
     poses.push(link.parent >= 0 ? pose.premultiply(poses[link.parent]) : pose);

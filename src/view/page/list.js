@@ -13,12 +13,21 @@ class LongList {
     this.order = [];
     this.shown = -1;
     this.head = element("div", {class: "list-row list-head"}, ...columns.map((column) => {
-      const button = element("button", {class: column.name ? "plain name" : "plain", onclick: () => options.sort?.(column.key), disabled: !options.sort}, column.label);
+      const button = element(
+          "button", {
+            class: column.name ? "plain name" : "plain",
+            onclick: () => options.sort?.(column.key),
+            disabled: !options.sort
+          },
+          column.label);
       button.dataset.key = column.key;
       return button;
     }));
     this.rows = element("div", {class: "list-rows"});
-    this.scroll = element("div", {class: "list-scroll", tabindex: 0, role: "listbox", "aria-label": options.label, onscroll: () => this.fill()}, this.rows);
+    this.scroll = element(
+        "div",
+        {class: "list-scroll", tabindex: 0, role: "listbox", "aria-label": options.label, onscroll: () => this.fill()},
+        this.rows);
     this.node = element("div", {class: "list"}, this.head, this.scroll);
     new ResizeObserver(() => this.fill()).observe(this.scroll);
   }
@@ -42,17 +51,26 @@ class LongList {
     }
   }
 
-  get height() { return this.scroll.clientHeight || 200; }
+  get height() {
+    return this.scroll.clientHeight || 200;
+  }
 
   fill() {
     const n = this.order.length;
     this.rows.style.height = `${n * kRowHeight}px`;
-    const first = Math.max(0, Math.floor(this.scroll.scrollTop / kRowHeight) - 2), last = Math.min(n, first + Math.ceil(this.height / kRowHeight) + 4);
+    const first = Math.max(0, Math.floor(this.scroll.scrollTop / kRowHeight) - 2),
+          last = Math.min(n, first + Math.ceil(this.height / kRowHeight) + 4);
     this.rows.replaceChildren(...Array.from({length: Math.max(0, last - first)}, (_, k) => {
       const row = this.order[first + k], isShown = row === this.shown;
-      return element("div", {class: isShown ? "list-row shown" : "list-row", role: "option", "aria-selected": String(isShown),
-                             style: `top: ${(first + k) * kRowHeight}px`, onclick: () => this.options.show(row)},
-                     ...this.columns.map((column) => element("span", {class: column.name ? "name" : ""}, column.text(row))));
+      return element(
+          "div", {
+            class: isShown ? "list-row shown" : "list-row",
+            role: "option",
+            "aria-selected": String(isShown),
+            style: `top: ${(first + k) * kRowHeight}px`,
+            onclick: () => this.options.show(row)
+          },
+          ...this.columns.map((column) => element("span", {class: column.name ? "name" : ""}, column.text(row))));
     }));
   }
 }

@@ -3,7 +3,11 @@
 /** Light or dark: as the system has it until someone chooses. */
 const theme = {
   kept() {
-    try { return localStorage.getItem("handhold-theme"); } catch (error) { return null; }
+    try {
+      return localStorage.getItem("handhold-theme");
+    } catch (error) {
+      return null;
+    }
   },
   apply() {
     const dark = this.kept() ? this.kept() === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
@@ -11,16 +15,25 @@ const theme = {
   },
   change() {
     const next = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
-    try { localStorage.setItem("handhold-theme", next); } catch (error) { /* kept for this visit alone */ }
+    try {
+      localStorage.setItem("handhold-theme", next);
+    } catch (error) { /* kept for this visit alone */
+    }
     document.documentElement.dataset.theme = next;
   },
 };
 
 function showHelp(keys) {
-  const dialog = element("dialog", {class: "help", onclick: (event) => { if (event.target === dialog) dialog.close(); }, onclose: () => dialog.remove()},
-                         element("h2", {}, "Keys and pointer"),
-                         factTable(keys.map(([key, what]) => [element("kbd", {}, key), what])),
-                         element("button", {onclick: () => dialog.close()}, "Close"));
+  const dialog = element(
+      "dialog", {
+        class: "help",
+        onclick: (event) => {
+          if (event.target === dialog) dialog.close();
+        },
+        onclose: () => dialog.remove()
+      },
+      element("h2", {}, "Keys and pointer"), factTable(keys.map(([key, what]) => [element("kbd", {}, key), what])),
+      element("button", {onclick: () => dialog.close()}, "Close"));
   document.body.append(dialog);
   dialog.showModal();
 }
@@ -39,7 +52,9 @@ let view = null, keys = kKeys, shownPlace = null;
 function placeOf(hash) {
   const match = /^#(set-\d+)(?::(\d+))?$/.exec(hash);
   const known = match && sets.sets.find((set) => set.block === match[1]);
-  return known ? {set: known, grasp: Number(match[2] ?? 0)} : sets.sets.length === 1 ? {set: sets.sets[0], grasp: 0} : null;
+  return known               ? {set: known, grasp: Number(match[2] ?? 0)} :
+      sets.sets.length === 1 ? {set: sets.sets[0], grasp: 0} :
+                               null;
 }
 
 function showPlace() {
@@ -57,8 +72,13 @@ function showPlace() {
     drawBar([], keys);
     view = new Overview(page, sets);
   } else {
-    drawBar([sets.sets.length > 1 ? element("a", {href: "#"}, "All sets") : null,
-             element("h1", {}, `${place.set.object} \u00d7 ${place.set.hand}`), element("span", {class: "version"}, `version ${place.set.version}`)].filter(Boolean), keys);
+    drawBar(
+        [
+          sets.sets.length > 1 ? element("a", {href: "#"}, "All sets") : null,
+          element("h1", {}, `${place.set.object} \u00d7 ${place.set.hand}`),
+          element("span", {class: "version"}, `version ${place.set.version}`)
+        ].filter(Boolean),
+        keys);
     view = new GraspSetView(page, place.set.block, place.grasp);
   }
   window.scrollTo(0, 0);
@@ -79,5 +99,12 @@ window.addEventListener("hashchange", () => {
 });
 showPlace();
 // For tests and for the curious: what is shown.
-window.handhold = {get view() { return view; }, scaleColour, linkPoses, unpack};
+window.handhold = {
+  get view() {
+    return view;
+  },
+  scaleColour,
+  linkPoses,
+  unpack
+};
 document.documentElement.dataset.ready = "true";

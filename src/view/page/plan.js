@@ -10,7 +10,12 @@ const kPlanKeys = [
   ["T", "light or dark"],
   ["Drag, Shift and drag, wheel", "turn, shift, zoom"],
 ];
-const kRoleColours = {robot: kRobot, hand: kPalm, object: kObject, obstacle: kObstacle};
+const kRoleColours = {
+  robot: kRobot,
+  hand: kPalm,
+  object: kObject,
+  obstacle: kObstacle
+};
 const kVerdicts = {
   planned: "the plan",
   hand_collision: "hand hits obstacle",
@@ -61,26 +66,45 @@ class PlanView {
     this.candidateFacts = element("div", {class: "details"});
     this.buildTimeline();
     this.buildList();
-    this.mapSelect = element("select", {"aria-label": "what the target's surface shows", onchange: () => this.chooseMap(Number(this.mapSelect.value))},
-                             element("option", {value: -1}, "Target as it is"), ...plan.maps.map((map, i) => element("option", {value: i}, map.label)));
+    this.mapSelect = element(
+        "select",
+        {"aria-label": "what the target's surface shows", onchange: () => this.chooseMap(Number(this.mapSelect.value))},
+        element("option", {value: -1}, "Target as it is"),
+        ...plan.maps.map((map, i) => element("option", {value: i}, map.label)));
     const changed = () => this.applyLayers();
-    const switches = element("div", {class: "switches"}, toggle("Robot", this.layers, "robot", changed), toggle("Obstacles", this.layers, "obstacles", changed),
-                             this.order.length ? toggle("Chosen grasp", this.layers, "candidate", changed) : null,
-                             plan.maps.length ? this.mapSelect : null,
-                             element("button", {class: "plain", onclick: () => this.frameAll(), title: "F"}, "Whole scene"),
-                             element("button", {class: "plain", onclick: () => this.frameTarget(), title: "G"}, "Target"));
+    const switches = element(
+        "div", {class: "switches"}, toggle("Robot", this.layers, "robot", changed),
+        toggle("Obstacles", this.layers, "obstacles", changed),
+        this.order.length ? toggle("Chosen grasp", this.layers, "candidate", changed) : null,
+        plan.maps.length ? this.mapSelect : null,
+        element("button", {class: "plain", onclick: () => this.frameAll(), title: "F"}, "Whole scene"),
+        element("button", {class: "plain", onclick: () => this.frameTarget(), title: "G"}, "Target"));
     const most = plan.rejected.reduce((a, [, n]) => Math.max(a, n), 0);
-    const reasons = plan.rejected.slice().sort((a, b) => b[1] - a[1]).map(([reason, n]) => ({label: verdictText(reason), value: n, text: count(n)}));
-    page.replaceChildren(element("div", {class: "workbench"},
-        element("aside", {class: "panel filters", "aria-label": "Plan"}, element("h2", {}, "What was planned"), factTable(plan.facts),
-                element("h2", {class: "later"}, "Why grasps were rejected"),
-                reasons.length ? barChart(reasons, most) : element("p", {class: "empty"}, "None was: the first one tested works."),
-                plan.maps.length ? element("div", {class: "maps"}, element("h2", {class: "later"}, "On the target"),
-                    ...plan.maps.map((map, i) => element("button", {class: "map-choice", "data-map": i, onclick: () => this.chooseMap(i)}, element("b", {}, map.label), element("small", {}, map.meaning)))) : null),
-        element("section", {class: "view", "aria-label": "3-D view"}, this.holder, switches, this.legendHolder, this.timeline),
-        element("aside", {class: "panel facts-panel", "aria-label": "Ranking"}, ...(this.order.length
-            ? [this.candidateFacts, this.filterRow, this.list.node]
-            : [element("h2", {}, "Steps"), ...this.buildSteps()]))));
+    const reasons = plan.rejected.slice()
+                        .sort((a, b) => b[1] - a[1])
+                        .map(([reason, n]) => ({label: verdictText(reason), value: n, text: count(n)}));
+    page.replaceChildren(element(
+        "div", {class: "workbench"},
+        element(
+            "aside", {class: "panel filters", "aria-label": "Plan"}, element("h2", {}, "What was planned"),
+            factTable(plan.facts), element("h2", {class: "later"}, "Why grasps were rejected"),
+            reasons.length ? barChart(reasons, most) :
+                             element("p", {class: "empty"}, "None was: the first one tested works."),
+            plan.maps.length ?
+                element(
+                    "div", {class: "maps"}, element("h2", {class: "later"}, "On the target"),
+                    ...plan.maps.map(
+                        (map, i) => element(
+                            "button", {class: "map-choice", "data-map": i, onclick: () => this.chooseMap(i)},
+                            element("b", {}, map.label), element("small", {}, map.meaning)))) :
+                null),
+        element(
+            "section", {class: "view", "aria-label": "3-D view"}, this.holder, switches, this.legendHolder,
+            this.timeline),
+        element(
+            "aside", {class: "panel facts-panel", "aria-label": "Ranking"},
+            ...(this.order.length ? [this.candidateFacts, this.filterRow, this.list.node] :
+                                    [element("h2", {}, "Steps"), ...this.buildSteps()]))));
   }
 
   // Time --------------------------------------------------------------------------------------------------------------
@@ -88,25 +112,53 @@ class PlanView {
   buildTimeline() {
     const {plan} = this;
     if (!(this.duration > 0)) {
-      this.timeline = element("div", {class: "navigator"}, element("p", {class: "empty"}, "There is no motion to play: nothing was planned."));
+      this.timeline = element(
+          "div", {class: "navigator"},
+          element("p", {class: "empty"}, "There is no motion to play: nothing was planned."));
       return;
     }
-    this.playButton = element("button", {onclick: () => this.play(!this.isPlaying), "aria-label": "play", class: "play"}, "\u25b6");
-    this.slider = element("input", {type: "range", min: 0, max: this.duration, step: 0.001, value: 0, "aria-label": "time in seconds",
-                                    oninput: () => { this.play(false); this.seek(this.slider.valueAsNumber); }});
+    this.playButton =
+        element("button", {onclick: () => this.play(!this.isPlaying), "aria-label": "play", class: "play"}, "\u25b6");
+    this.slider = element("input", {
+      type: "range",
+      min: 0,
+      max: this.duration,
+      step: 0.001,
+      value: 0,
+      "aria-label": "time in seconds",
+      oninput: () => {
+        this.play(false);
+        this.seek(this.slider.valueAsNumber);
+      }
+    });
     this.clock = element("output");
-    this.speedSelect = element("select", {"aria-label": "speed", onchange: () => { this.speed = Number(this.speedSelect.value); }},
-                               ...[0.25, 0.5, 1, 2, 4, 8].map((s) => element("option", {value: s, selected: s === 1}, `${s}\u00d7`)));
+    this.speedSelect = element(
+        "select", {
+          "aria-label": "speed",
+          onchange: () => {
+            this.speed = Number(this.speedSelect.value);
+          }
+        },
+        ...[0.25, 0.5, 1, 2, 4, 8].map((s) => element("option", {value: s, selected: s === 1}, `${s}\u00d7`)));
     this.stepText = element("span", {class: "step"});
     this.segmentStrip = element("div", {class: "segments"}, ...plan.segments.filter((s) => s.end > s.begin).map((s) => {
       const share = (s.end - s.begin) / this.duration, hasRoom = 280 * share > 6.5 * s.name.length + 6;
-      const node = element("button", {style: `flex: ${s.end - s.begin}`, title: `${s.note ? s.note + ": " : ""}${s.name}, ${(s.end - s.begin).toFixed(2)} s`,
-                                      onclick: () => { this.play(false); this.seek(s.begin); }}, hasRoom ? s.name : "");
+      const node = element(
+          "button", {
+            style: `flex: ${s.end - s.begin}`,
+            title: `${s.note ? s.note + ": " : ""}${s.name}, ${(s.end - s.begin).toFixed(2)} s`,
+            onclick: () => {
+              this.play(false);
+              this.seek(s.begin);
+            }
+          },
+          hasRoom ? s.name : "");
       node.segment = s;
       return node;
     }));
-    this.timeline = element("div", {class: "navigator timeline"}, this.playButton,
-                            element("div", {class: "tracks"}, this.segmentStrip, this.slider), this.stepText, this.clock, this.speedSelect);
+    this.timeline = element(
+        "div", {class: "navigator timeline"}, this.playButton,
+        element("div", {class: "tracks"}, this.segmentStrip, this.slider), this.stepText, this.clock, this.speedSelect);
   }
 
   /** The steps of a task, each a way to its beginning. */
@@ -114,14 +166,24 @@ class PlanView {
     this.steps = [];
     for (const {note, begin, end} of this.plan.segments) {
       const last = this.steps[this.steps.length - 1];
-      if (last && last.note === note) last.end = end;
-      else this.steps.push({note, begin, end});
+      if (last && last.note === note)
+        last.end = end;
+      else
+        this.steps.push({note, begin, end});
     }
     for (const step of this.steps) {
-      step.node = element("button", {class: "step-row", onclick: () => { this.play(false); this.seek(step.begin); }},
-                          element("b", {}, step.note), element("span", {}, `${step.begin.toFixed(1)} \u2013 ${step.end.toFixed(1)} s`));
+      step.node = element(
+          "button", {
+            class: "step-row",
+            onclick: () => {
+              this.play(false);
+              this.seek(step.begin);
+            }
+          },
+          element("b", {}, step.note), element("span", {}, `${step.begin.toFixed(1)} \u2013 ${step.end.toFixed(1)} s`));
     }
-    return this.steps.length ? this.steps.map((step) => step.node) : [element("p", {class: "empty"}, "No step was planned; the left side says why.")];
+    return this.steps.length ? this.steps.map((step) => step.node) :
+                               [element("p", {class: "empty"}, "No step was planned; the left side says why.")];
   }
 
   play(on) {
@@ -136,8 +198,10 @@ class PlanView {
       if (!this.isPlaying) return;
       if (before !== null) this.seek(Math.min(this.duration, this.now + this.speed * (ms - before) / 1000));
       before = ms;
-      if (this.now >= this.duration) this.play(false);
-      else requestAnimationFrame(step);
+      if (this.now >= this.duration)
+        this.play(false);
+      else
+        requestAnimationFrame(step);
     };
     requestAnimationFrame(step);
   }
@@ -155,22 +219,25 @@ class PlanView {
       node.classList.toggle("here", isHere && current === null);
       if (isHere && current === null) current = s;
     }
-    for (const step of this.steps ?? []) step.node.classList.toggle("here", this.now >= step.begin && (this.now < step.end || step.end === this.duration));
-    this.stepText.textContent = current && current.note ? current.note : "";
+    for (const step of this.steps ?? [])
+      step.node.classList.toggle("here", this.now >= step.begin && (this.now < step.end || step.end === this.duration));
+    this.stepText.textContent = current?.note ?? "";
   }
 
   /** Between two frames positions go straight and turns along the shortest arc. */
   poseBodies() {
     const {times, now} = this;
     let k = 0;
-    for (let step = 1 << 16; step; step >>= 1) if (k + step < times.length && times[k + step] <= now) k += step;
+    for (let step = 1 << 16; step; step >>= 1)
+      if (k + step < times.length && times[k + step] <= now) k += step;
     const next = Math.min(k + 1, times.length - 1), u = next > k ? (now - times[k]) / (times[next] - times[k]) : 0;
     const p = new THREE.Vector3(), q = new THREE.Quaternion(), one = new THREE.Vector3(1, 1, 1);
     for (const body of this.bodies) {
       if (body.poses.length > 7 || !body.isPlaced) {
         const a = body.poses.length > 7 ? 7 * k : 0, b = body.poses.length > 7 ? 7 * next : 0, n = body.poses;
         p.set(n[a], n[a + 1], n[a + 2]).lerp(new THREE.Vector3(n[b], n[b + 1], n[b + 2]), u);
-        q.set(n[a + 3], n[a + 4], n[a + 5], n[a + 6]).slerp(new THREE.Quaternion(n[b + 3], n[b + 4], n[b + 5], n[b + 6]), u);
+        q.set(n[a + 3], n[a + 4], n[a + 5], n[a + 6])
+            .slerp(new THREE.Quaternion(n[b + 3], n[b + 4], n[b + 5], n[b + 6]), u);
         body.object.matrix.compose(p, q, one);
         body.isPlaced = true;
       }
@@ -183,16 +250,28 @@ class PlanView {
 
   buildList() {
     const {ranking: r, plan} = this;
-    const columns = [{key: "rank", label: "Rank", text: (i) => count(i + 1)}, {key: "score", label: "Score", text: (i) => r.score[i].toFixed(3)},
-                     {key: "verdict", label: "Outcome", name: true, text: (i) => verdictText(r.verdict[i])}];
+    const columns = [
+      {key: "rank", label: "Rank", text: (i) => count(i + 1)},
+      {key: "score", label: "Score", text: (i) => r.score[i].toFixed(3)},
+      {key: "verdict", label: "Outcome", name: true, text: (i) => verdictText(r.verdict[i])}
+    ];
     this.list = new LongList(columns, {label: "grasps, best score first", show: (i) => this.choose(i)});
     this.list.node.classList.add("verdicts");
     const verdicts = [...new Set(r.verdict)];
-    this.verdict = element("select", {"aria-label": "outcome", onchange: () => {
-      this.order = Uint32Array.from({length: r.grasp.length}, (_, i) => i).filter((i) => this.verdict.value === "all" || r.verdict[i] === this.verdict.value);
-      this.choose(this.order.length ? this.order[0] : -1);
-    }}, element("option", {value: "all"}, "all outcomes"), ...verdicts.map((v) => element("option", {value: v}, verdictText(v))));
-    this.filterRow = element("div", {class: "list-filter"}, element("h2", {}, "Ranking", element("small", {}, ` of ${count(plan.ranked)}`)), this.verdict);
+    this.verdict = element(
+        "select", {
+          "aria-label": "outcome",
+          onchange: () => {
+            this.order = Uint32Array.from({length: r.grasp.length}, (_, i) => i)
+                             .filter((i) => this.verdict.value === "all" || r.verdict[i] === this.verdict.value);
+            this.choose(this.order.length ? this.order[0] : -1);
+          }
+        },
+        element("option", {value: "all"}, "all outcomes"),
+        ...verdicts.map((v) => element("option", {value: v}, verdictText(v))));
+    this.filterRow = element(
+        "div", {class: "list-filter"}, element("h2", {}, "Ranking", element("small", {}, ` of ${count(plan.ranked)}`)),
+        this.verdict);
   }
 
   /** A grasp of the ranking as the hand would stand there; -1: none. */
@@ -201,15 +280,31 @@ class PlanView {
     this.list.update(this.order, i);
     const {ranking: r, plan} = this;
     if (i < 0) {
-      this.candidateFacts.replaceChildren(element("h2", {}, "No grasp is chosen"), element("p", {class: "empty"}, "Choose one in the ranking to see where the hand would stand."));
-    } else {
-      const bar = (label, title, value, low) => element("div", {class: "bar-row"}, element("div", {class: "bar-label"}, element("span", {class: "term", title}, label)),
-          element("div", {class: "bar-track"}, element("div", {class: "bar", style: `width: ${100 * Math.max(0, (value - low) / (1 - low))}%`})), element("div", {class: "bar-value"}, value.toFixed(3)));
       this.candidateFacts.replaceChildren(
-          element("div", {class: "panel-head"}, element("h2", {}, `Grasp ${r.grasp[i]}`, element("small", {}, `rank ${count(i + 1)} of ${count(plan.ranked)}`))),
-          element("div", {class: "bars"}, bar("Gq", "grasp quality, 0 to 1", r.gq[i], 0), bar("Gb", "robot position, \u22121 to 1", r.gb[i], Math.min(0, ...r.gb) < 0 ? -1 : 0),
-                  bar("Ge", "environment clearance, 0 to 1", r.ge[i], 0)),
-          factTable([["Score", r.score[i].toFixed(4)], ["Arm", r.arm[i]], ["Outcome", verdictText(r.verdict[i])], ...(r.detail[i] ? [["Because", r.detail[i]]] : [])]));
+          element("h2", {}, "No grasp is chosen"),
+          element("p", {class: "empty"}, "Choose one in the ranking to see where the hand would stand."));
+    } else {
+      const bar = (label, title, value, low) => element(
+          "div", {class: "bar-row"},
+          element("div", {class: "bar-label"}, element("span", {class: "term", title}, label)),
+          element(
+              "div", {class: "bar-track"},
+              element("div", {class: "bar", style: `width: ${100 * Math.max(0, (value - low) / (1 - low))}%`})),
+          element("div", {class: "bar-value"}, value.toFixed(3)));
+      this.candidateFacts.replaceChildren(
+          element(
+              "div", {class: "panel-head"},
+              element(
+                  "h2", {}, `Grasp ${r.grasp[i]}`,
+                  element("small", {}, `rank ${count(i + 1)} of ${count(plan.ranked)}`))),
+          element(
+              "div", {class: "bars"}, bar("Gq", "grasp quality, 0 to 1", r.gq[i], 0),
+              bar("Gb", "robot position, \u22121 to 1", r.gb[i], Math.min(0, ...r.gb) < 0 ? -1 : 0),
+              bar("Ge", "environment clearance, 0 to 1", r.ge[i], 0)),
+          factTable([
+            ["Score", r.score[i].toFixed(4)], ["Arm", r.arm[i]], ["Outcome", verdictText(r.verdict[i])],
+            ...(r.detail[i] ? [["Because", r.detail[i]]] : [])
+          ]));
     }
     if (this.stage.isDrawing) this.drawCandidate();
   }
@@ -243,7 +338,8 @@ class PlanView {
   chooseMap(i) {
     this.shownMap = i;
     this.mapSelect.value = i;
-    for (const button of document.querySelectorAll(".map-choice")) button.classList.toggle("chosen", Number(button.dataset.map) === i);
+    for (const button of document.querySelectorAll(".map-choice"))
+      button.classList.toggle("chosen", Number(button.dataset.map) === i);
     if (this.mapDiscs) dispose(this.mapDiscs);
     this.mapDiscs = null;
     this.legendHolder.replaceChildren();
@@ -252,9 +348,11 @@ class PlanView {
     this.bodies[this.plan.map_body].object.material.color.setHex(map ? kMapped : kObject);
     if (!map) return this.stage.ask();
     const point = unpack(map.point), normal = unpack(map.normal), value = unpack(map.value);
-    const low = value.reduce((a, b) => Math.min(a, b), Infinity), high = value.reduce((a, b) => Math.max(a, b), -Infinity);
+    const low = value.reduce((a, b) => Math.min(a, b), Infinity),
+          high = value.reduce((a, b) => Math.max(a, b), -Infinity);
     const span = high > low ? high - low : 1;
-    this.mapDiscs = discs(point, normal, 0.66 * typicalSpacing(point, normal), (k) => scaleColour((value[k] - low) / span));
+    this.mapDiscs =
+        discs(point, normal, 0.66 * typicalSpacing(point, normal), (k) => scaleColour((value[k] - low) / span));
     this.stage.scene.add(this.mapDiscs);
     this.legendHolder.append(legend(map.label, quantity(low, map.unit), quantity(high, map.unit)));
     this.applyLayers();
@@ -264,7 +362,8 @@ class PlanView {
     if (!this.stage?.isDrawing || !this.bodies) return;
     const {layers} = this;
     for (const body of this.bodies) {
-      body.object.visible = !body.isGone && (body.role === "obstacle" ? layers.obstacles : body.role === "object" || layers.robot);
+      body.object.visible =
+          !body.isGone && (body.role === "obstacle" ? layers.obstacles : body.role === "object" || layers.robot);
     }
     const target = this.bodies[this.plan.map_body];
     if (this.mapDiscs) {
@@ -273,7 +372,9 @@ class PlanView {
     }
     this.candidates.forEach((candidate, h) => {
       // Before anything moves: later the target is elsewhere.
-      if (candidate) candidate.group.visible = layers.candidate && this.shown >= 0 && this.ranking.hand[this.shown] === h && this.now === 0;
+      if (candidate)
+        candidate.group.visible =
+            layers.candidate && this.shown >= 0 && this.ranking.hand[this.shown] === h && this.now === 0;
     });
     this.stage.ask();
   }

@@ -44,7 +44,8 @@ function smoothGeometry(vertices, triangles) {
 
 /** A mesh block of the page as an object to draw; its pose is its matrix. */
 function solid(mesh, colour, options = {}) {
-  const material = new THREE.MeshPhongMaterial({color: colour, specular: 0x161616, shininess: 20, side: THREE.DoubleSide, ...options});
+  const material = new THREE.MeshPhongMaterial(
+      {color: colour, specular: 0x161616, shininess: 20, side: THREE.DoubleSide, ...options});
   const object = new THREE.Mesh(smoothGeometry(unpack(mesh.vertices), unpack(mesh.triangles)), material);
   object.matrixAutoUpdate = false;
   return object;
@@ -68,7 +69,8 @@ function dispose(object) {
 function discs(points, normals, radius, colourOf) {
   const n = points.length / 3, kSides = n > 5000 ? 7 : 12;
   const position = new Float32Array(n * (kSides + 1) * 3), colour = new Float32Array(n * (kSides + 1) * 3);
-  const index = new Uint32Array(n * kSides * 3), z = new THREE.Vector3(), x = new THREE.Vector3(), y = new THREE.Vector3();
+  const index = new Uint32Array(n * kSides * 3), z = new THREE.Vector3(), x = new THREE.Vector3(),
+        y = new THREE.Vector3();
   for (let i = 0; i < n; ++i) {
     z.set(normals[3 * i], normals[3 * i + 1], normals[3 * i + 2]);
     x.set(Math.abs(z.x) < 0.7 ? 1 : 0, Math.abs(z.x) < 0.7 ? 0 : 1, 0).cross(z).normalize();
@@ -109,7 +111,9 @@ function typicalSpacing(points, normals) {
     let least = Infinity;
     for (let j = 0; j < 3 * n; j += 3) {
       const facing = normals[i] * normals[j] + normals[i + 1] * normals[j + 1] + normals[i + 2] * normals[j + 2];
-      if (j !== i && facing > 0.7) least = Math.min(least, Math.hypot(points[j] - points[i], points[j + 1] - points[i + 1], points[j + 2] - points[i + 2]));
+      if (j !== i && facing > 0.7)
+        least = Math.min(
+            least, Math.hypot(points[j] - points[i], points[j + 1] - points[i + 1], points[j + 2] - points[i + 2]));
     }
     if (least > 0 && least < Infinity) nearest.push(least);
   }
@@ -135,7 +139,8 @@ class Stage {
     try {
       this.renderer = new THREE.WebGLRenderer({antialias: true, alpha: true});
     } catch (error) {
-      holder.append(element("p", {class: "empty"}, "This browser offers no WebGL, so nothing is drawn here. The numbers are complete."));
+      holder.append(element(
+          "p", {class: "empty"}, "This browser offers no WebGL, so nothing is drawn here. The numbers are complete."));
       return;
     }
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
@@ -151,7 +156,9 @@ class Stage {
     this.resize();
   }
 
-  get isDrawing() { return this.renderer !== undefined; }
+  get isDrawing() {
+    return this.renderer !== undefined;
+  }
 
   /** Unit vector from the target to the camera. */
   get toEye() {
@@ -172,7 +179,10 @@ class Stage {
   ask() {
     if (this.isAsked || !this.isDrawing) return;
     this.isAsked = true;
-    requestAnimationFrame(() => { this.isAsked = false; this.draw(); });
+    requestAnimationFrame(() => {
+      this.isAsked = false;
+      this.draw();
+    });
   }
 
   draw() {
@@ -196,8 +206,12 @@ class Stage {
     const inverse = this.camera.matrixWorldInverse, parts = [];
     for (const [i, name] of ["x", "y", "z"].entries()) {
       const v = new THREE.Vector3().setComponent(i, 1).transformDirection(inverse);
-      parts.push({depth: v.z, node: drawn("g", {class: "axis-" + name}, drawn("line", {x1: 0, y1: 0, x2: 24 * v.x, y2: -24 * v.y}),
-                                          drawn("text", {x: 33 * v.x, y: -33 * v.y + 4, "text-anchor": "middle"}, name))});
+      parts.push({
+        depth: v.z,
+        node: drawn(
+            "g", {class: "axis-" + name}, drawn("line", {x1: 0, y1: 0, x2: 24 * v.x, y2: -24 * v.y}),
+            drawn("text", {x: 33 * v.x, y: -33 * v.y + 4, "text-anchor": "middle"}, name))
+      });
     }
     parts.sort((a, b) => a.depth - b.depth);
     this.compass.replaceChildren(...parts.map((part) => part.node));
@@ -208,7 +222,9 @@ class Stage {
     const pixels = this.holder.clientHeight / (2 * this.distance * Math.tan(kFieldOfView * Math.PI / 360));  // a metre
     const wanted = 90 / pixels, power = 10 ** Math.floor(Math.log10(wanted));
     const length = [5, 2, 1].map((f) => f * power).find((l) => l <= wanted);
-    const text = length >= 1 ? `${length} m` : length >= 0.1 ? `${Math.round(100 * length)} cm` : `${Number((1000 * length).toPrecision(1))} mm`;
+    const text = length >= 1 ? `${length} m` :
+        length >= 0.1 ? `${Math.round(100 * length)} cm` :
+                        `${Number((1000 * length).toPrecision(1))} mm`;
     this.ruler.style.width = (length * pixels).toFixed(1) + "px";
     this.ruler.textContent = text;
   }
@@ -255,7 +271,9 @@ class Stage {
     this.canvas.addEventListener("click", (event) => {
       if (travelled > 4 || !this.onClick) return;
       const box = this.canvas.getBoundingClientRect(), ray = new THREE.Raycaster();
-      ray.setFromCamera({x: 2 * (event.clientX - box.left) / box.width - 1, y: 1 - 2 * (event.clientY - box.top) / box.height}, this.camera);
+      ray.setFromCamera(
+          {x: 2 * (event.clientX - box.left) / box.width - 1, y: 1 - 2 * (event.clientY - box.top) / box.height},
+          this.camera);
       this.onClick(ray);
     });
     for (const name of ["pointerup", "pointercancel"]) {
