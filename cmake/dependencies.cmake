@@ -31,6 +31,22 @@ add_library(ompl INTERFACE IMPORTED)
 target_link_libraries(ompl INTERFACE ${OMPL_LIBRARY})
 target_include_directories(ompl SYSTEM INTERFACE ${OMPL_INCLUDE_DIR})
 
+# Optional: without these two there is no src/physics, and `handhold physics` says so.
+find_library(MUJOCO_LIBRARY mujoco)
+find_path(MUJOCO_INCLUDE_DIR mujoco/mujoco.h)
+find_library(HACD_LIBRARY HACD)
+find_path(HACD_INCLUDE_DIR HACD/hacdHACD.h PATH_SUFFIXES bullet)
+if(HACD_LIBRARY AND HACD_INCLUDE_DIR)
+  add_library(hacd INTERFACE IMPORTED)
+  target_link_libraries(hacd INTERFACE ${HACD_LIBRARY})
+  target_include_directories(hacd SYSTEM INTERFACE ${HACD_INCLUDE_DIR})
+endif()
+if(MUJOCO_LIBRARY AND MUJOCO_INCLUDE_DIR)
+  add_library(mujoco INTERFACE IMPORTED)
+  target_link_libraries(mujoco INTERFACE ${MUJOCO_LIBRARY})
+  target_include_directories(mujoco SYSTEM INTERFACE ${MUJOCO_INCLUDE_DIR})
+endif()
+
 # Third-party headers are SYSTEM so that our warnings stay about our code.
 foreach(target embree fcl assimp::assimp yaml-cpp)
   get_target_property(directories ${target} INTERFACE_INCLUDE_DIRECTORIES)

@@ -69,6 +69,20 @@ struct VerifyCommand {
   bool json = false;
 };
 
+struct PhysicsCommand {
+  std::string objectGlob = "*", handGlob = "*";
+  std::optional<std::size_t> top;          // default: all grasps of a set
+  std::vector<std::string> tests{"pull"};  // pull, weight, lift
+  std::optional<double> friction;          // default: 1.5 times the set's own
+  int threads = 0;                         // 0: all cores
+  ProgressMode progress = ProgressMode::automatic;
+  std::string replay, pictures;       // SET:I; the folder for its pictures
+  std::optional<std::size_t> groups;  // compare so many grasps of each group, write nothing
+  std::optional<std::size_t> pieces;  // check the labels of so many grasps, write nothing
+  std::uint64_t seed = 1;             // of what is drawn
+  bool json = false;                  // of the groups
+};
+
 int runBuild(const BuildCommand& command, const Database& database);
 int runSubmit(const SubmitCommand& command, const Database& database);
 int runList(const Database& database, bool asJson);
@@ -85,6 +99,15 @@ int runHand(const HandCommand& command);
 int runRender(const std::string& set, const std::string& output);
 /// One HTML file about the newest version of every set that the globs pick.
 int runReport(const ReportCommand& command, const Database& database);
+int runPhysics(const PhysicsCommand& command, const Database& database);
+
+/// `SET[:I]`: a set file and the rank of a grasp in it, 0 when none is written; a file whose own name ends like that is
+/// taken as it is. @throws InputError
+struct GraspName {
+  std::string path;
+  std::size_t grasp = 0;
+};
+GraspName parseGraspName(const std::string& text);
 
 /// The grasps that pass; failures, and what was left out and why, are told on stderr. @throws InputError
 QueryAnswer findGrasps(const QueryCommand& command, const Database& database);

@@ -93,6 +93,38 @@ CLI::App* addImport(CLI::App& app, ImportCommand& command) {
   return sub;
 }
 
+CLI::App* addPhysics(CLI::App& app, PhysicsCommand& command) {
+  CLI::App* sub =
+      app.add_subcommand("physics", "simulate the grasps of each set in MuJoCo: do they hold? (docs/physics.md)");
+  sub->add_option("--object", command.objectGlob, "only objects whose name matches")->type_name("GLOB");
+  sub->add_option("--hand", command.handGlob, "only hands whose name matches")->type_name("GLOB");
+  sub->add_option("--top", command.top, "the best K grasps of each set (default: all)")
+      ->type_name("K")
+      ->check(CLI::Range(1, std::numeric_limits<int>::max()));
+  sub->add_option("--test", command.tests, "pull (1 N on 0.1 kg), weight (its own), lift; with commas between them")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"pull", "weight", "lift"}));
+  sub->add_option("--friction", command.friction, "simulated (default: 1.5 times that of the set)")
+      ->check(CLI::Range(0.01, 10.0));
+  sub->add_option("--threads", command.threads, "default: one a core")->check(CLI::Range(1, 1024));
+  CLI::Option* replay =
+      sub->add_option("--replay", command.replay, "one grasp of a set, against its stored results")->type_name("SET:I");
+  sub->add_option("--pictures", command.pictures, "with --replay: a folder for pictures of it")
+      ->type_name("DIR")
+      ->needs(replay);
+  CLI::Option* groups = sub->add_option("--groups", command.groups,
+                                        "compare K grasps each of the best, stored, trials and open; writes nothing");
+  groups->type_name("K")->check(CLI::Range(1, 1'000'000))->excludes(replay);
+  sub->add_option("--pieces", command.pieces,
+                  "label K grasps drawn from stored and trials with the object as convex pieces too; writes nothing")
+      ->type_name("K")
+      ->check(CLI::Range(1, 1'000'000))
+      ->excludes(replay)
+      ->excludes(groups);
+  sub->add_option("--seed", command.seed, "of what is drawn at random");
+  return sub;
+}
+
 int runProgram(int argc, char** argv) {
   CLI::App app("Handhold builds databases of robot grasps and shows what is in them.", "handhold");
   app.set_version_flag("--version", "handhold " HANDHOLD_VERSION);
@@ -120,6 +152,11 @@ int runProgram(int argc, char** argv) {
     command->add_option("--package", packages, "NAME=DIR: where package://NAME/ leads")->type_name("NAME=DIR");
   };
 
+  const auto addProgress = [&](CLI::App* command) {
+    command->add_option("--progress", progress, "auto, plain, json or none")
+        ->check(CLI::IsMember({"auto", "plain", "json", "none"}));
+  };
+
   CLI::App* buildCommand = app.add_subcommand("build", "build the grasp sets of a job");
   buildCommand->add_option("job", build.job, "the job file (YAML)")->required()->type_name("JOB.yaml");
   addDatabase(buildCommand);
@@ -131,8 +168,7 @@ int runProgram(int argc, char** argv) {
   buildCommand->add_flag("--retry-failed", build.options.retryFailed, "try inputs again that are known to fail");
   buildCommand->add_flag("--dry-run", build.dryRun, "say what is done, missing, failed, and what the rest would cost");
   addFormat(buildCommand);
-  buildCommand->add_option("--progress", progress, "auto, plain, json or none")
-      ->check(CLI::IsMember({"auto", "plain", "json", "none"}));
+  addProgress(buildCommand);
   buildCommand->add_option("--trial", build.trial, "explain one trial (index into N*R*M), write nothing")
       ->check(CLI::NonNegativeNumber);
 
@@ -181,6 +217,12 @@ int runProgram(int argc, char** argv) {
   CLI::App* importCommand = addImport(app, importing);
   addDatabase(importCommand);
   addPackages(importCommand);
+
+  PhysicsCommand physics;
+  CLI::App* physicsCommand = addPhysics(app, physics);
+  addDatabase(physicsCommand);
+  addProgress(physicsCommand);
+  addFormat(physicsCommand);
 
   CLI::App* indexCommand = app.add_subcommand("index", "write index.sqlite: list and queries over many sets get fast");
   addDatabase(indexCommand);
@@ -242,10 +284,10 @@ int runProgram(int argc, char** argv) {
                                                              {"plain", ProgressMode::plain},
                                                              {"json", ProgressMode::json},
                                                              {"none", ProgressMode::none}};
-  build.options.progress = kModes.at(progress);
+  build.options.progress = physics.progress = kModes.at(progress);
   build.options.packages = importing.packages = hand.packages = parsePackages(packages);
   hand.sphereRadius = sphereDiameter / 2;
-  build.json = verify.json = format == "json";
+  build.json = verify.json = physics.json = format == "json";
   parseShard(shard, build.options);
   const Database database(databaseFolder);
   if (*submitCommand) {
@@ -258,6 +300,7 @@ int runProgram(int argc, char** argv) {
   if (*queryCommand) return runQuery(query, database);
   if (*exportCommand) return runExport(exporting, database);
   if (*importCommand) return runImport(importing, database);
+  if (*physicsCommand) return runPhysics(physics, database);
   if (*indexCommand) return runIndex(database);
   if (*verifyCommand) return runVerify(verify, database);
   if (*diffCommand) return runDiff(path, otherSet, format == "json", database);

@@ -37,30 +37,32 @@ const std::string& preshapeName(const FoundSet& set, const FoundGrasp& grasp) {
 }
 
 nlohmann::ordered_json toJson(const FoundSet& set, const FoundGrasp& g) {
-  return {{"object", set.object},
-          {"hand", set.hand},
-          {"set_version", set.setVersion},
-          {"grasp", g.grasp},
-          {"trial", g.trial},
-          {"preshape", preshapeName(set, g)},
-          {"epsilon", g.epsilon},
-          {"epsilon_lower", g.epsilonLower},
-          {"epsilon_upper", g.epsilonUpper},
-          {"critical_friction", g.criticalFriction},
-          {"load_margin", g.loadMargin},
-          {"robustness", g.robustness},
-          {"robustness_lower", g.robustnessLower},
-          {"robustness_upper", g.robustnessUpper},
-          {"hand_pose", g.handPose},
-          {"joint_names", set.jointNames},
-          {"joint_position", g.jointPosition},
-          {"preshape_joint_position", g.preshapeJointPosition},
-          {"target_point", g.targetPoint},
-          {"approach_direction", g.approachDirection},
-          {"roll", g.roll},
-          {"backoff", g.backoff},
-          {"approach_clear", g.approachClear},
-          {"contacts", g.contacts}};
+  nlohmann::ordered_json json = {{"object", set.object},
+                                 {"hand", set.hand},
+                                 {"set_version", set.setVersion},
+                                 {"grasp", g.grasp},
+                                 {"trial", g.trial},
+                                 {"preshape", preshapeName(set, g)},
+                                 {"epsilon", g.epsilon},
+                                 {"epsilon_lower", g.epsilonLower},
+                                 {"epsilon_upper", g.epsilonUpper},
+                                 {"critical_friction", g.criticalFriction},
+                                 {"load_margin", g.loadMargin},
+                                 {"robustness", g.robustness},
+                                 {"robustness_lower", g.robustnessLower},
+                                 {"robustness_upper", g.robustnessUpper},
+                                 {"hand_pose", g.handPose},
+                                 {"joint_names", set.jointNames},
+                                 {"joint_position", g.jointPosition},
+                                 {"preshape_joint_position", g.preshapeJointPosition},
+                                 {"target_point", g.targetPoint},
+                                 {"approach_direction", g.approachDirection},
+                                 {"roll", g.roll},
+                                 {"backoff", g.backoff},
+                                 {"approach_clear", g.approachClear},
+                                 {"contacts", g.contacts}};
+  if (!std::isnan(g.physics)) json["physics"] = g.physics;  // --min-physics was given
+  return json;
 }
 
 std::string jsonText(const QueryAnswer& answer) {
@@ -126,7 +128,8 @@ std::string tableText(const QueryAnswer& answer) {
 /// What was left out and why, on stderr: an empty answer is an answer.
 void reportLeftOut(const QueryAnswer& answer, bool asksForPhysics) {
   const LeftOut& out = answer.leftOut;
-  const std::pair<const char*, std::size_t> filters[] = {{"not simulated", out.minPhysics},
+  const std::pair<const char*, std::size_t> filters[] = {{"not simulated", out.notSimulated},
+                                                         {"by --min-physics", out.minPhysics},
                                                          {"by --min-epsilon", out.minEpsilon},
                                                          {"by --friction", out.friction},
                                                          {"of unknown critical friction", out.unknownFriction},
@@ -139,8 +142,8 @@ void reportLeftOut(const QueryAnswer& answer, bool asksForPhysics) {
     if (count > 0) parts += fmt::format("{}{} {}", parts.empty() ? "" : ", ", count, name);
     total += count;
   }
-  if (asksForPhysics && out.minPhysics > 0) {
-    logWarning("query: --min-physics leaves out the sets that have no physics results beside them");
+  if (asksForPhysics && out.notSimulated > 0) {
+    logWarning("query: --min-physics leaves out the grasps that have no physics results beside them");
   }
   if (total > 0) logInfo(fmt::format("query: {} of {} grasps left out: {}", total, answer.graspsAsked, parts));
   if (answer.graspsAsked == 0 && answer.failures.empty()) logInfo("query: the sets hold no grasp");

@@ -3,6 +3,7 @@
 #include "core/error.h"
 #include "core/file.h"
 #include "core/log.h"
+#include "store/physics_set.h"
 
 #include <algorithm>
 #include <cmath>
@@ -83,6 +84,35 @@ nlohmann::ordered_json toJson(const GraspSetSummary& s) {
           {"path", s.path.string()}};
 }
 
+/// The physics results beside a set; nothing when there are none. Those that cannot be used are told.
+std::optional<PhysicsSet> physicsOf(const GraspSetSummary& s) {
+  if (!fs::exists(physicsPath(s.path))) return std::nullopt;
+  try {
+    return readPhysicsOf(s.path, s.inputHash, s.setVersion, s.grasps);
+  } catch (const InputError& error) {
+    logWarning(error.what());
+    return std::nullopt;
+  }
+}
+
+nlohmann::ordered_json toJson(const PhysicsSet& physics) {
+  nlohmann::ordered_json held;
+  for (const std::string& test : physics.testNames) held[test] = countHeld(physics, test);
+  return {{"grasps", physics.graspCount()},      {"held", held},
+          {"friction", physics.friction},        {"mass", physics.mass},
+          {"shape_error_p95", physics.shapeP95}, {"shape_error_largest", physics.shapeMost}};
+}
+
+void printPhysics(const PhysicsSet& physics) {
+  fmt::print(
+      "  physics     {} grasps simulated at friction {}; object's shape off by {:.2f} mm (p95), {:.2f} mm at most\n",
+      physics.graspCount(), physics.friction, 1e3 * physics.shapeP95, 1e3 * physics.shapeMost);
+  for (const std::string& test : physics.testNames) {
+    const std::size_t held = countHeld(physics, test);
+    fmt::print("    {:<18}{:>9}  {:5.1f} % held\n", test, held, share(held, physics.graspCount()));
+  }
+}
+
 void printInfo(const GraspSetSummary& s) {
   fmt::print("{} x {}, version {}\n", s.object, s.hand, s.setVersion);
   fmt::print("  file        {} ({:.2f} MB)\n", s.path.string(), static_cast<double>(s.bytes) / 1e6);
@@ -114,6 +144,7 @@ void printInfo(const GraspSetSummary& s) {
         s.bestRobustness, s.bestRobustnessLower, s.bestRobustnessUpper, s.robustnessTrials, s.robustnessPosition,
         s.robustnessRotation * 180 / std::numbers::pi);
   }
+  if (const std::optional<PhysicsSet> physics = physicsOf(s)) printPhysics(*physics);
   const double total = totalSeconds(s);
   fmt::print("  core time   {:.2f} s, {:.0f} trials/s a core\n", total,
              total > 0 ? static_cast<double>(trialCount(s)) / total : 0);
@@ -199,10 +230,20 @@ int runList(const Database& database, bool asJson) {
   return failures.empty() ? kExitDone : kExitItemFailed;
 }
 
+namespace {
+
+nlohmann::ordered_json infoJson(const GraspSetSummary& summary) {
+  nlohmann::ordered_json json = toJson(summary);
+  if (const std::optional<PhysicsSet> physics = physicsOf(summary)) json["physics"] = toJson(*physics);
+  return json;
+}
+
+}  // namespace
+
 int runInfo(const fs::path& path, bool asJson) {
   if (!fs::is_directory(path)) {
     const GraspSetSummary summary = readSummary(path);
-    asJson ? fmt::print("{}\n", toJson(summary).dump(1)) : printInfo(summary);
+    asJson ? fmt::print("{}\n", infoJson(summary).dump(1)) : printInfo(summary);
     return kExitDone;
   }
   std::vector<fs::path> files;
@@ -216,7 +257,7 @@ int runInfo(const fs::path& path, bool asJson) {
   const std::vector<GraspSetSummary> summaries = readAll(files, damaged);
   if (asJson) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
-    for (const GraspSetSummary& summary : summaries) list.push_back(toJson(summary));
+    for (const GraspSetSummary& summary : summaries) list.push_back(infoJson(summary));
     fmt::print("{}\n", list.dump(1));
   } else {
     for (const GraspSetSummary& summary : summaries) printInfo(summary);

@@ -31,10 +31,16 @@ Rates ratesOf(const BuildCounters& counters, std::size_t expected, std::chrono::
           rate > 0 ? std::max(0.0, all - trials) / rate : 0};
 }
 
+/// The words as a JSON key.
+std::string withUnderscores(std::string words) {
+  std::replace(words.begin(), words.end(), ' ', '_');
+  return words;
+}
+
 }  // namespace
 
-Progress::Progress(ProgressMode mode, std::size_t sets, std::size_t expectedTrials)
-    : mode_(mode), sets_(sets), expectedTrials_(expectedTrials) {
+Progress::Progress(ProgressMode mode, std::size_t sets, std::size_t expectedTrials, ProgressWords words)
+    : mode_(mode), sets_(sets), expectedTrials_(expectedTrials), words_(std::move(words)) {
   if (mode_ == ProgressMode::automatic && ::isatty(STDERR_FILENO) == 0) mode_ = ProgressMode::plain;
   if (mode_ != ProgressMode::none) watcher_ = std::thread([this] { watch(); });
 }
@@ -58,17 +64,18 @@ void Progress::begin(const std::string& what, std::size_t finishedSets) {
 
 std::string Progress::line() const {
   const Rates r = ratesOf(counters_, expectedTrials_, start_);
-  return fmt::format("[{}/{} sets] {}  {:.0f} %  {:.0f} trials/s  {:.0f} % force closed  {} left", finishedSets_, sets_,
-                     what_, 100 * r.share, r.trialsPerSecond, 100 * r.closedShare, clockText(r.secondsLeft));
+  return fmt::format("[{}/{} sets] {}  {:.0f} %  {:.0f} {}/s  {:.0f} % {}  {} left", finishedSets_, sets_, what_,
+                     100 * r.share, r.trialsPerSecond, words_.items, 100 * r.closedShare, words_.good,
+                     clockText(r.secondsLeft));
 }
 
 std::string Progress::json() const {
   const Rates r = ratesOf(counters_, expectedTrials_, start_);
   return fmt::format(
-      R"({{"event": "progress", "sets_done": {}, "sets": {}, "current": "{}", "trials": {}, "trials_expected": {}, )"
-      R"("trials_per_second": {:.1f}, "force_closed_share": {:.4f}, "seconds_left": {:.0f}}})",
-      finishedSets_, sets_, what_, counters_.trials.load(), expectedTrials_.load(), r.trialsPerSecond, r.closedShare,
-      r.secondsLeft);
+      R"({{"event": "progress", "sets_done": {0}, "sets": {1}, "current": "{2}", "{5}": {3}, "{5}_expected": {4}, )"
+      R"("{5}_per_second": {6:.1f}, "{8}_share": {7:.4f}, "seconds_left": {9:.0f}}})",
+      finishedSets_, sets_, what_, counters_.trials.load(), expectedTrials_.load(), words_.items, r.trialsPerSecond,
+      r.closedShare, withUnderscores(words_.good), r.secondsLeft);
 }
 
 void Progress::watch() {

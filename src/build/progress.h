@@ -13,11 +13,16 @@ namespace handhold {
 
 enum class ProgressMode { automatic, plain, json, none };
 
+/// What is counted: the plural, and what is said of the good ones.
+struct ProgressWords {
+  std::string items = "trials", good = "force closed";
+};
+
 /// Tells on stderr how far a build is: a line that is rewritten on a terminal, else a line every ten seconds (plain) or
 /// every second as JSON. A thread of its own sleeps in between.
 class Progress {
  public:
-  Progress(ProgressMode mode, std::size_t sets, std::size_t expectedTrials);
+  Progress(ProgressMode mode, std::size_t sets, std::size_t expectedTrials, ProgressWords words = {});
   ~Progress();
 
   /// Names what is being built; `finishedSets` are behind us, `skippedTrials` will not be run at all.
@@ -33,6 +38,7 @@ class Progress {
   ProgressMode mode_;
   std::size_t sets_;
   std::atomic<std::size_t> expectedTrials_;
+  ProgressWords words_;
   BuildCounters counters_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 

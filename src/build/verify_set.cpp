@@ -3,10 +3,10 @@
 #include "build/build_set.h"
 #include "build/import_set.h"
 #include "build/ranked_quality.h"
+#include "build/stored_set.h"
 #include "core/error.h"
 #include "core/hash.h"
 #include "core/random.h"
-#include "mesh/mass_properties.h"
 #include "store/compare.h"
 
 #include <algorithm>
@@ -40,21 +40,6 @@ std::vector<std::size_t> spreadSample(std::size_t size, std::size_t count, const
     chosen.push_back(begin + static_cast<std::size_t>(random.uniform(i) * static_cast<double>(end - begin)));
   }
   return chosen;
-}
-
-/// The surface as the build had it: repaired already, so that only what follows from it is computed.
-ObjectModel storedObject(const GraspSet& set) {
-  ObjectModel object;
-  object.mesh = set.objectMesh;
-  object.watertight = isWatertight(object.mesh);
-  object.mass = massProperties(object.mesh, object.watertight);
-  return object;
-}
-
-Hand storedHand(const GraspSet& set) {
-  Hand hand = restoreHand(set.hand, set.urdf, set.config, set.linkNames, set.linkMeshes);
-  choosePreshapes(hand, set.preshapeNames);
-  return hand;
 }
 
 /// What is recomputed of one set.

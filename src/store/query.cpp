@@ -6,6 +6,7 @@
 #include "store/database.h"
 #include "store/index.h"
 #include "store/layout.h"
+#include "store/physics_set.h"
 
 #include <algorithm>
 #include <cmath>
@@ -69,7 +70,7 @@ std::vector<SetFile> selectSets(const Database& database, const GraspQuery& quer
 }
 
 /// Have the set's grasps been simulated? Their results would lie beside it.
-bool hasPhysics(const fs::path& set) { return fs::exists(set.parent_path() / ("physics-" + set.filename().string())); }
+bool hasPhysics(const fs::path& set) { return fs::exists(physicsPath(set)); }
 
 /// Stored as the nearest 32-bit number: one that equals the limit passes, whichever way it was rounded.
 bool isAtMost(double criticalFriction, double limit) {
@@ -78,7 +79,7 @@ bool isAtMost(double criticalFriction, double limit) {
 
 /// The filter of minPhysics, minEpsilon and friction that no grasp can pass, by the extremes over all of them.
 Filter failedByAll(const GraspQuery& query, const fs::path& path, double bestEpsilon, double leastCriticalFriction) {
-  if (query.minPhysics && !hasPhysics(path)) return &LeftOut::minPhysics;
+  if (query.minPhysics && !hasPhysics(path)) return &LeftOut::notSimulated;
   if (query.minEpsilon && bestEpsilon < *query.minEpsilon) return &LeftOut::minEpsilon;
   if (query.friction && std::isnan(leastCriticalFriction)) return &LeftOut::unknownFriction;
   if (query.friction && !isAtMost(leastCriticalFriction, *query.friction)) return &LeftOut::friction;
@@ -99,9 +100,12 @@ double angleBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
-/// The first filter that one grasp fails. `wantedPreshape`: by the index of the preshape.
+/// The first filter that one grasp fails. `wantedPreshape`: by the index of the preshape. `held`: of each grasp the
+/// share of the simulated directions, where it was asked for.
 Filter failedBy(const GraspQuery& query, const GraspSet& set, const std::vector<bool>& wantedPreshape,
-                std::size_t row) {
+                const std::vector<double>& held, std::size_t row) {
+  if (query.minPhysics && std::isnan(held[row])) return &LeftOut::notSimulated;
+  if (query.minPhysics && held[row] < *query.minPhysics) return &LeftOut::minPhysics;
   if (query.minEpsilon && set.epsilon[row] < *query.minEpsilon) return &LeftOut::minEpsilon;
   if (query.friction && std::isnan(set.criticalFriction[row])) return &LeftOut::unknownFriction;
   if (query.friction && !isAtMost(set.criticalFriction[row], *query.friction)) return &LeftOut::friction;
@@ -116,12 +120,13 @@ Filter failedBy(const GraspQuery& query, const GraspSet& set, const std::vector<
   return nullptr;
 }
 
-std::vector<std::size_t> passingRows(const GraspQuery& query, const GraspSet& set, LeftOut& leftOut) {
+std::vector<std::size_t> passingRows(const GraspQuery& query, const GraspSet& set, const std::vector<double>& held,
+                                     LeftOut& leftOut) {
   std::vector<bool> wantedPreshape;
   for (const std::string& name : set.preshapeNames) wantedPreshape.push_back(matchesGlob(name, query.preshape));
   std::vector<std::size_t> rows;
   for (std::size_t row = 0; row < set.graspCount(); ++row) {
-    const Filter failed = failedBy(query, set, wantedPreshape, row);
+    const Filter failed = failedBy(query, set, wantedPreshape, held, row);
     if (failed == nullptr) {
       rows.push_back(row);
     } else {
@@ -173,14 +178,15 @@ FoundGrasp graspAt(const GraspSet& set, std::size_t row) {
 }
 
 /// What of a set that was read answers the query.
-FoundSet searchSet(const GraspQuery& query, const fs::path& path, GraspSet set, LeftOut& leftOut) {
+FoundSet searchSet(const GraspQuery& query, const fs::path& path, GraspSet set, const std::vector<double>& held,
+                   LeftOut& leftOut) {
   FoundSet found;
   found.path = path;
   found.object = set.object;
   found.hand = set.hand;
   found.setVersion = set.setVersion;
   found.friction = set.friction;
-  std::vector<std::size_t> rows = passingRows(query, set, leftOut);
+  std::vector<std::size_t> rows = passingRows(query, set, held, leftOut);
   found.passed = rows.size();
   if (query.diverse) {
     found.coverRadius = keepDiverse(set, *query.top, rows);
@@ -188,7 +194,10 @@ FoundSet searchSet(const GraspQuery& query, const fs::path& path, GraspSet set, 
     rows.resize(*query.top);
   }
   found.grasps.reserve(rows.size());
-  for (const std::size_t row : rows) found.grasps.push_back(graspAt(set, row));
+  for (const std::size_t row : rows) {
+    found.grasps.push_back(graspAt(set, row));
+    if (!held.empty()) found.grasps.back().physics = held[row];
+  }
   found.jointNames = std::move(set.jointNames);
   found.preshapeNames = std::move(set.preshapeNames);
   return found;
@@ -235,11 +244,15 @@ QueryAnswer Database::query(const GraspQuery& query) const {
       answer.leftOut.*failed += set.graspCount();
       continue;
     }
-    if (query.minPhysics) {
-      answer.failures.push_back(fmt::format("{}: has physics results, which this version cannot read", path.string()));
+    std::vector<double> held;
+    try {
+      if (query.minPhysics)
+        held = shareHeld(readPhysicsOf(path, set.inputHash, set.setVersion, set.graspCount()), set.graspCount());
+    } catch (const InputError& error) {
+      answer.failures.emplace_back(error.what());
       continue;
     }
-    FoundSet found = searchSet(query, path, std::move(set), answer.leftOut);
+    FoundSet found = searchSet(query, path, std::move(set), held, answer.leftOut);
     if (!found.grasps.empty()) answer.sets.push_back(std::move(found));
   }
   return answer;

@@ -50,6 +50,7 @@ struct FoundGrasp {
   double roll = 0, backoff = 0;
   bool approachClear = false;
   std::size_t contacts = 0;
+  double physics = std::numeric_limits<double>::quiet_NaN();  // share of the directions held; NaN: not asked for
 };
 
 /// A set in which something was found.
@@ -68,7 +69,8 @@ struct FoundSet {
 /// Grasps that each filter left out. One counts at the first filter, in this order, that it fails; when no grasp of a
 /// set can pass minEpsilon or friction, the whole set counts there.
 struct LeftOut {
-  std::size_t minPhysics = 0;  // not simulated
+  std::size_t notSimulated = 0;  // with minPhysics
+  std::size_t minPhysics = 0;
   std::size_t minEpsilon = 0;
   std::size_t friction = 0;         // need more
   std::size_t unknownFriction = 0;  // their critical friction is not known

@@ -26,7 +26,7 @@ BROKEN = [
     ("app/handhold.cpp", "#include <tbb/parallel_for.h>", "<tbb/parallel_for.h> is of no library"),
     ("hand/kinematics.cpp", '#include "hand.h"', '"hand.h" names no module of src/'),
     ("hand/kinematics.cpp", '#include "../core/error.h"', '"../core/error.h" names no module of src/'),
-    ("sample/surface_samples.cpp", '#include "physics/world.h"', '"physics/world.h" names no module of src/'),
+    ("sample/surface_samples.cpp", '#include "magic/world.h"', '"magic/world.h" names no module of src/'),
 ]
 
 
@@ -59,7 +59,7 @@ def test_broken(copy):
 
 
 def test_unknown_folder(copy):
-    folder = copy / "src/physics"
+    folder = copy / "src/magic"
     folder.mkdir()
     (folder / "world.cpp").write_text("int x;\n", encoding="utf-8")
     code, out, _ = check(copy)

@@ -377,6 +377,28 @@ class Programs(unittest.TestCase):
             self.assertRegex(result.stderr, why)
         self.assertIn("no physics results beside them", result.stderr)
 
+    def test_physics(self):
+        self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
+        path = self.db / "t_bar/jaw/v0001.h5"
+        result = run("physics", "--db", self.db, "--top", 2, "--progress", "none")
+        if "was built without MuJoCo" in result.stderr:
+            self.assertEqual(result.returncode, 2)
+            return
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertRegex(result.stdout, r"t_bar x jaw: held: pull \d of 2 \(")
+        self.assertTrue((path.parent / "physics-v0001.h5").exists())
+        self.assertIn("unchanged", run("physics", "--db", self.db, "--top", 2, "--progress", "none").stdout)
+        found = json.loads(run("query", "--db", self.db, "--min-physics", 0, "--format", "json").stdout)
+        self.assertEqual([grasp["grasp"] for grasp in found], [0, 1])
+        self.assertIn("physics     2 grasps simulated at friction 0.6", run("info", path).stdout)
+        replay = run("physics", "--replay", f"{path}:1")
+        self.assertEqual(replay.returncode, 0, replay.stderr)
+        self.assertIn("equal to the stored results, bit for bit", replay.stdout)
+        self.assert_refused(run("physics", "--replay", f"{path}:100000"), "grasp 100000 does not exist, the set holds")
+        self.assert_refused(run("physics", "--replay", f"{path}:0", "--test", "lift"), "gives the object no mass")
+        self.assert_refused(run("physics", "--db", self.db, "--object", "none"), "picks no set")
+        self.assert_refused(run("physics", "--db", self.db, "--test", "push"), "--test")
+
     def test_query_is_refused_in_words(self):
         self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
         for arguments, parts in [(("--friction", 0.5), ("friction is 0.5, want at most 0.4", "t_bar/jaw/v0001.h5")),
@@ -629,4 +651,4 @@ class Programs(unittest.TestCase):
 
 if __name__ == "__main__":
     print(f"testing {HANDHOLD}")
-    unittest.main(argv=sys.argv[:1])
+    unittest.main(argv=sys.argv[:1]+sys.argv[2:])

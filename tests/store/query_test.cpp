@@ -2,6 +2,7 @@
 
 #include "core/error.h"
 #include "store/database.h"
+#include "store/synthetic_physics.h"
 #include "store/synthetic_set.h"
 
 #include <cmath>
@@ -270,10 +271,37 @@ TEST_F(Query, LeavesOutWhatWasNotSimulated) {
   GraspQuery query;
   query.minPhysics = 0.5;
   EXPECT_THAT(rows(query), IsEmpty());
-  EXPECT_EQ(answer.leftOut.minPhysics, 40u);
+  EXPECT_EQ(answer.leftOut.notSimulated, 40u);
   writeBytes(path.parent_path() / "physics-v0001.h5", "x");
   EXPECT_THAT(rows(query), IsEmpty());
-  EXPECT_THAT(answer.failures, ElementsAre(HasSubstr("v0001.h5: has physics results, which this version cannot read")));
+  EXPECT_THAT(answer.failures, ElementsAre(HasSubstr("physics-v0001.h5: holds no physics results: it does not start")));
+}
+
+// Grasps 0 to 9 simulated, grasp i held in i of six directions (6 from the sixth on).
+TEST_F(Query, MinPhysicsIsTheShareOfDirectionsHeld) {
+  const fs::path path = database.write(set);
+  const PhysicsSet physics = physicsOf(readGraspSet(path), 10);
+  writePhysics(physicsPath(path), physics);
+  GraspQuery query;
+  query.minPhysics = 0.5;
+  EXPECT_THAT(rows(query), ElementsAre(3, 4, 5, 6, 7, 8, 9));
+  EXPECT_EQ(answer.leftOut.minPhysics, 3u);
+  EXPECT_EQ(answer.leftOut.notSimulated, 30u);
+  EXPECT_DOUBLE_EQ(answer.sets[0].grasps[1].physics, 4.0 / 6);
+  query.minPhysics = 0;
+  EXPECT_THAT(rows(query), SizeIs(10));
+}
+
+// Results of another set, under this one's name.
+TEST_F(Query, PhysicsOfAnotherSetIsRefused) {
+  const fs::path path = database.write(set);
+  PhysicsSet physics = physicsOf(readGraspSet(path), 10);
+  physics.inputHash = "ff";
+  writePhysics(physicsPath(path), physics);
+  GraspQuery query;
+  query.minPhysics = 0.5;
+  EXPECT_THAT(rows(query), IsEmpty());
+  EXPECT_THAT(answer.failures, ElementsAre(HasSubstr("belongs to version 1 with input hash ff, want 1 with")));
 }
 
 TEST_F(Query, ADamagedSetIsNamedAndTheOthersAnswer) {

@@ -1,0 +1,21 @@
+#include "build/stored_set.h"
+
+#include "mesh/mass_properties.h"
+
+namespace handhold {
+
+ObjectModel storedObject(const GraspSet& set) {
+  ObjectModel object;
+  object.mesh = set.objectMesh;
+  object.watertight = isWatertight(object.mesh);
+  object.mass = massProperties(object.mesh, object.watertight);
+  return object;
+}
+
+Hand storedHand(const GraspSet& set) {
+  Hand hand = restoreHand(set.hand, set.urdf, set.config, set.linkNames, set.linkMeshes);
+  choosePreshapes(hand, set.preshapeNames);
+  return hand;
+}
+
+}  // namespace handhold

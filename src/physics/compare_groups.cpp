@@ -1,0 +1,169 @@
+#include "physics/compare_groups.h"
+
+#include "build/build_set.h"
+#include "build/import_set.h"
+#include "build/stored_set.h"
+#include "core/hash.h"
+#include "core/random.h"
+
+#include <algorithm>
+#include <numbers>
+
+namespace handhold {
+namespace {
+
+constexpr double kNearContact = 3e-3;       // m
+constexpr std::size_t kDrawsPerOpen = 100;  // trials drawn for each open one wanted
+
+/// `count` different numbers below `size`, in random order; all when there are no more.
+std::vector<std::size_t> drawDifferent(std::size_t size, std::size_t count, const RandomStream& random) {
+  std::vector<std::size_t> all(size);
+  for (std::size_t i = 0; i < size; ++i) all[i] = i;
+  count = std::min(count, size);
+  for (std::size_t i = 0; i < count; ++i) {
+    std::swap(all[i], all[i + static_cast<std::size_t>(random.uniform(i) * static_cast<double>(size - i))]);
+  }
+  all.resize(count);
+  return all;
+}
+
+/// Runs trials of a set again, from its record.
+class TrialPostures {
+ public:
+  TrialPostures(const SimulatedSet& set, const std::shared_ptr<const HandFields>& fields)
+      : job_(parseJobSettings(set.set().job, "the stored job")), hand_(set.model().hand()) {
+    item_.name = set.set().object;
+    item_.friction = set.set().friction;
+    object_ = sampleObject(job_, item_, storedObject(set.set()));
+    policy_ = makePolicy(job_, hand_, object_.model, job_.simulation == Simulation::fast ? fields : nullptr);
+  }
+
+  GraspPosture run(std::size_t index) {
+    const GraspCandidate candidate = candidateAt(job_, object_.samples, hand_, index);
+    policy_->run(candidate, trial_);
+    return {trial_.X_OH, hand_.preshapes[candidate.preshape].jointPosition, trial_.jointPosition, trial_.contacts};
+  }
+
+ private:
+  Job job_;
+  const Hand& hand_;
+  CatalogItem item_;
+  SampledObject object_;
+  std::unique_ptr<GraspPolicy> policy_;
+  GraspTrial trial_;
+};
+
+FailureCause causeOf(const TestResult& result, const PhysicsSettings& settings) {
+  for (const DirectionResult& direction : result.directions) {
+    if (direction.outcome == PhysicsOutcome::inside) return FailureCause::inside;
+    if (direction.outcome == PhysicsOutcome::unstable) return FailureCause::unstable;
+  }
+  const SettledResult& settled = result.settled;
+  const auto isOther = [&](const Contact& contact) { return contact.link != settled.contacts.front().link; };
+  if (std::none_of(settled.contacts.begin(), settled.contacts.end(), isOther)) return FailureCause::lost;
+  const double turn = settings.largestTurn * std::numbers::pi / 180;
+  if (settled.displacement >= settings.largestMove || settled.rotation >= turn) return FailureCause::displaced;
+  return settled.closed ? FailureCause::slipped : FailureCause::notClosed;
+}
+
+bool isHeld(const TestResult& result) {
+  return std::all_of(result.directions.begin(), result.directions.end(),
+                     [](const DirectionResult& each) { return each.outcome == PhysicsOutcome::held; });
+}
+
+void count(const TestResult& result, const PhysicsSettings& settings, GroupResult& group) {
+  const bool held = isHeld(result);
+  group.grasps += 1;
+  group.settledClosed += result.settled.closed ? 1 : 0;
+  group.heldClosed += held && result.settled.closed ? 1 : 0;
+  if (held) {
+    group.held += 1;
+  } else {
+    group.causes[static_cast<std::size_t>(causeOf(result, settings))] += 1;
+  }
+}
+
+/// The pull of every posture, in their order.
+std::vector<TestResult> pullAll(const PhysicsModel& model, const std::vector<const GraspPosture*>& postures,
+                                const JobSystem& jobs, const std::atomic<bool>& cancel) {
+  std::vector<TestResult> results(postures.size());
+  std::vector<GraspSimulator> simulators;
+  for (int i = 0; i < jobs.threads(); ++i) simulators.emplace_back(model);
+  jobs.run(
+      postures.size(), 1,
+      [&](int worker, std::size_t i) { results[i] = simulators[worker].run(*postures[i], PhysicsTest::pull); },
+      &cancel);
+  return results;
+}
+
+}  // namespace
+
+std::array<std::vector<GraspPosture>, kGraspGroupNames.size()> GroupComparer::draw(
+    const SimulatedSet& set, const std::array<std::size_t, kGraspGroupNames.size()>& counts, std::uint64_t seed,
+    const std::atomic<bool>& cancel) {
+  const GraspSet& stored = set.set();
+  const RandomStream random = RandomStream(hashText(stored.object + "/" + stored.hand)).child(seed);
+  std::array<std::vector<GraspPosture>, kGraspGroupNames.size()> groups;
+  for (std::size_t row = 0; row < std::min(counts[0], stored.graspCount()); ++row) {
+    groups[0].push_back(set.posture(row));
+  }
+  for (const std::size_t row : drawDifferent(stored.graspCount(), counts[1], random.child(1))) {
+    groups[1].push_back(set.posture(row));
+  }
+  if (stored.policy == kImportedPolicy) return groups;
+  std::shared_ptr<const HandFields>& fields = fields_[set.model().hand().contentHash];
+  if (!fields) fields = makeHandFields(set.model().hand(), &cancel);
+  TrialPostures trials(set, fields);
+  const auto all = static_cast<double>(stored.trialCount());
+  const auto drawTrial = [&](const RandomStream& stream, std::size_t i) {
+    return trials.run(static_cast<std::size_t>(stream.uniform(i) * all));
+  };
+  for (std::size_t i = 0; i < counts[2]; ++i) groups[2].push_back(drawTrial(random.child(2), i));
+  for (std::size_t i = 0; groups[3].size() < counts[3] && i < kDrawsPerOpen * counts[3] && !cancel; ++i) {
+    GraspPosture posture = drawTrial(random.child(3), i);
+    const std::vector<Contact> contacts = set.model().contactsWithin(posture, kNearContact);
+    if (!contacts.empty() && !set.model().closes(contacts)) groups[3].push_back(std::move(posture));
+  }
+  return groups;
+}
+
+std::optional<GroupTable> GroupComparer::compare(const SimulatedSet& set, std::size_t count, std::uint64_t seed,
+                                                 const JobSystem& jobs, const std::atomic<bool>& cancel) {
+  const auto groups = draw(set, {count, count, count, count}, seed, cancel);
+  std::vector<const GraspPosture*> postures;
+  for (const auto& group : groups) {
+    for (const GraspPosture& posture : group) postures.push_back(&posture);
+  }
+  const std::vector<TestResult> results = pullAll(set.model(), postures, jobs, cancel);
+  if (cancel) return std::nullopt;
+  GroupTable table;
+  std::size_t i = 0;
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    for (std::size_t k = 0; k < groups[g].size(); ++k, ++i) handhold::count(results[i], set.settings(), table[g]);
+  }
+  return table;
+}
+
+std::optional<ShapeAgreement> GroupComparer::compareShapes(const SimulatedSet& set, std::size_t count,
+                                                           std::uint64_t seed, const JobSystem& jobs,
+                                                           const std::atomic<bool>& cancel) {
+  const auto groups = draw(set, {0, (count + 1) / 2, count / 2, 0}, seed, cancel);
+  std::vector<const GraspPosture*> postures;
+  for (const auto& group : groups) {
+    for (const GraspPosture& posture : group) postures.push_back(&posture);
+  }
+  const std::vector<TestResult> byField = pullAll(set.model(), postures, jobs, cancel);
+  const std::vector<TestResult> byPieces = pullAll(set.pieceModel(), postures, jobs, cancel);
+  if (cancel) return std::nullopt;
+  ShapeAgreement agreement;
+  for (std::size_t i = 0; i < postures.size(); ++i) {
+    const bool field = isHeld(byField[i]), pieces = isHeld(byPieces[i]);
+    agreement.grasps += 1;
+    agreement.agree += field == pieces ? 1 : 0;
+    agreement.heldByField += field ? 1 : 0;
+    agreement.heldByPieces += pieces ? 1 : 0;
+  }
+  return agreement;
+}
+
+}  // namespace handhold
