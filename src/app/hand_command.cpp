@@ -52,7 +52,7 @@ void printClosing(const Hand& hand) {
                closing.breakawayJoint >= 0
                    ? ", then " + hand.joints[closing.breakawayJoint].name + " alone when only links before it touch"
                    : "",
-               closing.selfCentering ? ", jaws one by one, then the hand is centred" : "");
+               closing.selfCentering ? ", the hand centred" : "");
   }
 }
 

@@ -20,9 +20,10 @@ struct ClosingJoint {
   int joint = -1;
   int direction = 1;
   int breakawayJoint = -1;  // goes on alone when only links before it touched
-  /// The object may slide in the hand, or the arm yields. With one prismatic follower: the two jaws close one by one,
-  /// then the hand moves so that they are coupled again. Without: the hand first slides against its closing axis until
-  /// what the joint does not move touches.
+  /// The object may slide in the hand, or the arm yields. Two jaws that slide (isSlidingPair) close one by one, then
+  /// the hand moves so that they are coupled again. Without a follower: the hand first slides against its closing axis
+  /// until what the joint does not move touches. Other coupled jaws: the hand moves along its closing axis to where
+  /// both sides touch together.
   bool selfCentering = false;
 };
 
@@ -54,6 +55,13 @@ void choosePreshapes(Hand& hand, const std::vector<std::string>& names);
 /// The joints that fix a hand's posture: the independent ones, then those mimic joints that go on alone when a finger
 /// is stopped (breakaway).
 std::vector<int> fixingJoints(const Hand& hand);
+
+/// Does one joint alone mimic `joint`, so that two jaws slide by the same way?
+bool isSlidingPair(const Mechanism& mechanism, int joint);
+
+/// On which side of the palm each link is that a closing joint moves, in the first preshape: 1 or -1 along the closing
+/// axis, 0 for links that it does not move, or without geometry.
+std::vector<int> jawSides(const Hand& hand, const ClosingJoint& closing);
 
 /// A first hand.yaml for a URDF, with what was guessed in its comments (README.md says how): root, palm, tool centre
 /// point, what closes and which way, preshapes.

@@ -132,14 +132,13 @@ ClosingJoint readClosing(const YamlValue& entry, const Hand& hand) {
   if (const YamlValue* breakaway = entry.find("breakaway")) readBreakaway(*breakaway, hand, closing);
   if (const YamlValue* centering = entry.find("self_centering")) closing.selfCentering = centering->boolean();
   if (closing.selfCentering) {
-    const std::vector<int> followers = followersOf(hand, closing.joint);
-    const bool isJaw = followers.empty() || (followers.size() == 1 && joint.type == JointType::prismatic &&
-                                             hand.joints[followers[0]].type == JointType::prismatic &&
-                                             std::abs(std::abs(hand.joints[followers[0]].mimicMultiplier) - 1) < 1e-9);
-    if (!isJaw) {
+    const std::vector<int> sides = jawSides(hand, closing);
+    const bool movesBoth = std::find(sides.begin(), sides.end(), 1) != sides.end() &&
+                           std::find(sides.begin(), sides.end(), -1) != sides.end();
+    if (!followersOf(hand, closing.joint).empty() && !isSlidingPair(hand, closing.joint) && !movesBoth) {
       entry.fail(
           "is self_centering, want a joint without mimics, or a prismatic one with one prismatic mimic of multiplier 1 "
-          "or -1");
+          "or -1, or one whose mimics move links on both sides of the palm along its closing axis");
     }
   }
   return closing;
@@ -219,6 +218,12 @@ void configure(const YamlValue& top, Hand& hand) {
       entry.require("joint").refuse("a joint that no other entry closes");
     }
   }
+  const auto isCoupled = [&](const ClosingJoint& c) {
+    return c.selfCentering && !followersOf(hand, c.joint).empty() && !isSlidingPair(hand, c.joint);
+  };
+  if (hand.closing.size() > 1 && std::any_of(hand.closing.begin(), hand.closing.end(), isCoupled)) {
+    top.require("closing").fail("has a self_centering joint with coupled jaws beside others, want it alone");
+  }
   if (hand.closing.empty()) top.require("closing").refuse("at least one joint that closes");
   if (const YamlValue* contactLinks = top.find("contact_links")) readContactLinks(*contactLinks, hand);
   if (const YamlValue* contact = top.find("contact")) readContact(*contact, hand);
@@ -277,6 +282,25 @@ void choosePreshapes(Hand& hand, const std::vector<std::string>& names) {
     if (it != hand.preshapes.end()) chosen.push_back(*it);
   }
   hand.preshapes = std::move(chosen);
+}
+
+bool isSlidingPair(const Mechanism& mechanism, int joint) {
+  const std::vector<int> followers = followersOf(mechanism, joint);
+  const auto slides = [&](int j) { return mechanism.joints[j].type == JointType::prismatic; };
+  return followers.size() == 1 && slides(joint) && slides(followers[0]) &&
+         std::abs(std::abs(mechanism.joints[followers[0]].mimicMultiplier) - 1) < 1e-9;
+}
+
+std::vector<int> jawSides(const Hand& hand, const ClosingJoint& closing) {
+  const std::vector<Eigen::Isometry3d> X_HL = forwardKinematics(hand, hand.preshapes[0].jointPosition);
+  const Eigen::Isometry3d X_GH = (X_HL[hand.palmLink] * hand.X_LG).inverse();
+  const std::vector<bool> moves = linksMovedBy(hand, closing.joint, true);
+  std::vector<int> sides(hand.links.size(), 0);
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    if (!moves[i] || hand.links[i].mesh.triangles.empty()) continue;
+    sides[i] = (X_GH * X_HL[i] * boundingBox(hand.links[i].mesh).center()).x() < 0 ? -1 : 1;
+  }
+  return sides;
 }
 
 std::vector<int> fixingJoints(const Hand& hand) {

@@ -102,11 +102,12 @@ struct Grasping {
   Vector3d approach = Vector3d::UnitZ(), closing = Vector3d::UnitX(), palm = Vector3d::Zero();
   int palmLink = 0;
   bool palmHasSurface = false;
-  std::vector<int> direction;  // by joint: that closes, 0: none
-  VectorXd open, closed;       // (J) where it begins; where the fingertips are nearest to each other
-  double begin = 0, end = 0;   // of the joints' ways, 0 to 1: `open`, `closed`
-  double gain = 0;             // m, by which the fingertips come nearer to the palm's axis
-  double height = 0;           // m, of the fingertips over the palm when they do
+  bool movesBothSides = false;  // of the palm, along the closing axis
+  std::vector<int> direction;   // by joint: that closes, 0: none
+  VectorXd open, closed;        // (J) where it begins; where the fingertips are nearest to each other
+  double begin = 0, end = 0;    // of the joints' ways, 0 to 1: `open`, `closed`
+  double gain = 0;              // m, by which the fingertips come nearer to the palm's axis
+  double height = 0;            // m, of the fingertips over the palm when they do
 };
 
 /// Looks for the direction in which the fingertips come together.
@@ -350,7 +351,25 @@ class Guesser {
       grasping.end = t;
     }
     grasping.closing = closingAxis(grasping);
+    grasping.movesBothSides = movesBothSides(grasping);
     return grasping;
+  }
+
+  /// As jawSides (hand.h) has it of what closes.
+  bool movesBothSides(const Grasping& grasping) const {
+    const std::vector<Isometry3d> X = forwardKinematics(hand_, grasping.open);
+    std::vector<int> closing;
+    for (std::size_t j = 0; j < grasping.direction.size(); ++j) {
+      if (grasping.direction[j] != 0) closing.push_back(static_cast<int>(j));
+    }
+    const std::vector<bool> moves = linksMovedBy(hand_, closing);
+    bool above = false, below = false;
+    for (std::size_t i = 0; i < moves.size(); ++i) {
+      if (!moves[i] || hand_.links[i].mesh.triangles.empty()) continue;
+      const Vector3d middle = X[i] * boundingBox(hand_.links[i].mesh).center();
+      ((middle - grasping.palm).dot(grasping.closing) < 0 ? below : above) = true;
+    }
+    return above && below;
   }
 
   /// The line along which the fingertips come together, across the approach; of a single finger its way.
@@ -441,10 +460,8 @@ std::string closingLines(const Mechanism& hand, const Grasping& grasping) {
   std::string lines;
   for (const int j : closing) {
     const std::vector<int> followers = followersOf(hand, j);
-    const auto slides = [&](int joint) { return hand.joints[joint].type == JointType::prismatic; };
-    const bool isPair = followers.size() == 1 && slides(j) && slides(followers[0]) &&
-                        std::abs(std::abs(hand.joints[followers[0]].mimicMultiplier) - 1) < 1e-9;
-    const bool centers = closing.size() == 1 && (followers.empty() || isPair);
+    const bool centers =
+        closing.size() == 1 && (followers.empty() || isSlidingPair(hand, j) || grasping.movesBothSides);
     std::string with;
     for (const int follower : followers)
       with += (with.empty() ? "   # moves with it: " : ", ") + hand.joints[follower].name;
@@ -514,7 +531,7 @@ std::string initialHandConfig(const std::string& urdfPath, const std::string& ro
       "contact_links: all\n"
       "# Fingertips that transmit a moment about the contact normal, up to friction x torsion_radius x normal force:\n"
       "# contact: {{model: soft_finger, torsion_radius: METRES}}\n",
-      file, root, rootLink.empty() ? "where the fingers branch off" : "as given",
+      file, root, rootLink.empty() ? "where the fingers branch off (--root LINK: another)" : "as given",
       ignored.empty() ? "" : fmt::format("ignore_links: [{}]   # seen nowhere: padding\n", fmt::join(ignored, ", ")),
       palmLines(hand, grasping),
       shapingJoints(hand, grasping).empty() ? "" : ", with the joints that do not close at three places",

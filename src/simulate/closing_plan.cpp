@@ -71,14 +71,15 @@ std::vector<std::pair<int, int>> pairsThatMove(const Hand& hand) {
 
 ClosingStep makeClosingStep(const Hand& hand, const ClosingJoint& closing) {
   ClosingStep step;
-  step.selfCentering = closing.selfCentering;
   step.together = makeMover(hand, closing.joint, closing.direction, true);
-  if (closing.selfCentering && step.together.followers.empty()) {
+  const bool isSingle = step.together.followers.empty(), isPair = isSlidingPair(hand, closing.joint);
+  step.selfCentering = closing.selfCentering && (isSingle || isPair);
+  if (step.selfCentering && isSingle) {
     const std::vector<bool> moves = linksMovedBy(hand, closing.joint, true);
     const std::vector<int> solid = solidLinks(hand);
     std::copy_if(solid.begin(), solid.end(), std::back_inserter(step.fixedLinks),
                  [&](int link) { return !moves[link]; });
-  } else if (closing.selfCentering) {
+  } else if (step.selfCentering) {
     const int follower = step.together.followers[0];
     const int sign = hand.joints[follower].mimicMultiplier > 0 ? 1 : -1;
     step.alone = makeMover(hand, closing.joint, closing.direction, false);

@@ -23,11 +23,11 @@ enum class ClosingPart : std::uint8_t { together, alone, follower, breakaway };
 
 /// One entry of the hand's closing rule, made ready.
 struct ClosingStep {
-  Mover together;   // the joint with its followers
-  Mover alone;      // selfCentering of two jaws: the joint without them
-  Mover follower;   // selfCentering of two jaws: the other jaw
-  Mover breakaway;  // joint -1: none
-  bool selfCentering = false;
+  Mover together;               // the joint with its followers
+  Mover alone;                  // selfCentering of two jaws: the joint without them
+  Mover follower;               // selfCentering of two jaws: the other jaw
+  Mover breakaway;              // joint -1: none
+  bool selfCentering = false;   // but by coupled jaws: centering.h
   std::vector<int> fixedLinks;  // selfCentering without a follower: the counterpart that is brought up first
 
   const Mover& mover(ClosingPart part) const {

@@ -1,6 +1,7 @@
 #include "simulate/fast_policy.h"
 
 #include "mesh/ray_scene.h"
+#include "simulate/centering.h"
 #include "simulate/contacts.h"
 #include "simulate/fast_kernels.h"
 
@@ -935,7 +936,7 @@ std::shared_ptr<const HandFields> makeHandFields(const Hand& hand, const std::at
 std::unique_ptr<GraspPolicy> makeFastPolicy(std::shared_ptr<const HandFields> fields, const Hand& hand,
                                             const ObjectModel& object, PolicyKind kind,
                                             const ReferenceSettings& settings) {
-  return std::make_unique<FastPolicy>(std::move(fields), hand, object, kind, settings);
+  return centerCoupledJaws(hand, std::make_unique<FastPolicy>(std::move(fields), hand, object, kind, settings));
 }
 
 }  // namespace handhold

@@ -1,3 +1,4 @@
+#include "simulate/centering.h"
 #include "simulate/closing_plan.h"
 #include "simulate/collision_models.h"
 #include "simulate/contacts.h"
@@ -316,7 +317,7 @@ class ReferencePolicy final : public GraspPolicy {
 
 std::unique_ptr<GraspPolicy> makeReferencePolicy(const Hand& hand, const ObjectModel& object, PolicyKind kind,
                                                  const ReferenceSettings& settings) {
-  return std::make_unique<ReferencePolicy>(hand, object, kind, settings);
+  return centerCoupledJaws(hand, std::make_unique<ReferencePolicy>(hand, object, kind, settings));
 }
 
 }  // namespace handhold

@@ -27,6 +27,7 @@ const Vector3d kContactColour(0.80, 0.012, 0.03);
 constexpr double kMarkRadius = 0.012;  // of the radius of object and hand together
 constexpr double kConeLength = 0.075;  // of the same
 constexpr double kSeenThrough = 0.10;  // of the object's radius: a contact so deep behind a surface counts 1/e
+constexpr double kObjectCounts = 2.5;  // links
 constexpr int kProbeWidth = 48, kProbeHeight = 36;  // rays of a trial view
 
 Vector3d vectorAt(const std::vector<float>& array, std::size_t row) {
@@ -97,6 +98,7 @@ struct ProbeScene {
   }
 
   /// How evenly and largely the parts are seen: the sum over the parts of the square root of their share of the frame.
+  /// The object, part 0, counts more: many links would hide it.
   double spread(const Camera& camera) const {
     std::vector<int> seen(parts.size(), 0);
     for (int i = 0; i < kProbeWidth * kProbeHeight; ++i) {
@@ -106,7 +108,10 @@ struct ProbeScene {
       if (!hit.missed()) ++seen[partOfTriangle[hit.triangle]];
     }
     double sum = 0;
-    for (const int count : seen) sum += std::sqrt(static_cast<double>(count) / (kProbeWidth * kProbeHeight));
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      const double share = static_cast<double>(seen[i]) / (kProbeWidth * kProbeHeight);
+      sum += (i == 0 ? kObjectCounts : 1) * std::sqrt(share);
+    }
     return sum;
   }
 };

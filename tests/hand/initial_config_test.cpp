@@ -108,7 +108,7 @@ TEST_F(InitialConfig, AHandOnAnArm) {
                             joint("arm_2", "revolute", "upper", "flange", "xyz=\"0 0 0.5\"", "0 1 0", turns) +
                             fixedJoint("flange", "palm", "xyz=\"0 0 0.1\"");
   EXPECT_EQ(guessed(robot).links[0].name, "palm");
-  EXPECT_THAT(guess(robot), HasSubstr("root_link: palm   # where the fingers branch off\n"));
+  EXPECT_THAT(guess(robot), HasSubstr("root_link: palm   # where the fingers branch off (--root LINK: another)\n"));
   EXPECT_EQ(guessed(robot, "flange").links[0].name, "flange");
   EXPECT_THAT([&] { guess(robot, "elbow"); }, ThrowsMessage<InputError>(HasSubstr("has no link elbow")));
 }
@@ -140,6 +140,27 @@ TEST_F(InitialConfig, FingersThatSpread) {
   ASSERT_THAT(names, ElementsAre("shape_0_open", "shape_0_half", "shape_50_open", "shape_50_half", "shape_100_open",
                                  "shape_100_half"));
   EXPECT_NEAR(hand.preshapes[4].jointPosition[test::indexOf(hand.joints, "spread")], 1.5708, kGuessTol);
+}
+
+// Two fingers that one drive turns: the object comes to the middle between them. Such a joint closes alone.
+TEST_F(InitialConfig, CoupledFingersCentreThemselves) {
+  const std::string limits = "lower=\"-0.5\" upper=\"0.8\"";
+  const std::string fingers = boxAt("palm", "0.12 0.04 0.02", "xyz=\"0 0 0\"") +
+                              finger("left", "xyz=\"-0.05 0 0.01\"", "0 1 0", limits) +
+                              boxAt("right", "0.01 0.01 0.08", "xyz=\"0 0 0.04\"") +
+                              joint("bend_right", "revolute", "palm", "right", "xyz=\"0.05 0 0.01\"", "0 -1 0", limits,
+                                    "<mimic joint=\"bend_left\"/>");
+  const Hand hand = guessed(fingers);
+  ASSERT_EQ(hand.closing.size(), 1U);
+  EXPECT_TRUE(hand.closing[0].selfCentering);
+  EXPECT_EQ(jawSides(hand, hand.closing[0])[test::indexOf(hand.links, "left")], -1);
+  EXPECT_EQ(jawSides(hand, hand.closing[0])[test::indexOf(hand.links, "right")], 1);
+  EXPECT_EQ(jawSides(hand, hand.closing[0])[test::indexOf(hand.links, "palm")], 0);
+  const std::string more = fingers + finger("thumb", "xyz=\"0 0.05 0.01\"", "1 0 0", limits);
+  const std::string config =
+      test::with(guess(fingers), "contact_links", "  - {joint: bend_thumb, direction: 1}\ncontact_links");
+  EXPECT_THAT(refusal("<robot name=\"test\">\n" + more + "</robot>\n", config),
+              HasSubstr("closing has a self_centering joint with coupled jaws beside others, want it alone"));
 }
 
 // One jaw against a part of the palm: the closing axis points from the jaw to it.
@@ -210,6 +231,7 @@ TEST_F(InitialConfig, OtherPeoplesHands) {
     EXPECT_TRUE(hand.X_LG.linear().col(2).isApprox(known.approach, kGuessTol)) << config;
     EXPECT_TRUE(hand.X_LG.linear().col(0).isApprox(known.closing, kGuessTol)) << config;
     EXPECT_EQ(hand.closing.size(), known.closes) << config;
+    EXPECT_EQ(hand.closing[0].selfCentering, known.closes == 1) << config;
     EXPECT_EQ(hand.preshapes.size(), known.preshapes) << config;
   }
 }

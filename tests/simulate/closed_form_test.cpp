@@ -1,6 +1,7 @@
 // Grasps whose outcome is known on paper.
 #include "mesh/primitives.h"
 #include "quality/force_closure.h"
+#include "simulate/fast_policy.h"
 #include "simulate/grasp_policy.h"
 #include "support/toy_hands.h"
 
@@ -15,6 +16,7 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using testing::boxObject;
+using testing::makeCoupledFingers;
 using testing::makeFingers;
 using testing::makeJaw;
 using testing::makeObject;
@@ -123,6 +125,47 @@ TEST(ClosedForm, CentringIsBlockedByAStep) {
   candidate.targetPoint.x() = -0.006;
   const GraspTrial trial = run(makeJaw(true), object, candidate);
   EXPECT_EQ(trial.outcome, GraspOutcome::blockedCentering);
+}
+
+// Fingers that turn with one drive: the hand moves to where both touch together, whichever way that is.
+TEST(ClosedForm, CoupledFingersCentreOnAnOffsetBox) {
+  const Hand hand = makeCoupledFingers();
+  for (const double offset : {-0.011, 0.0, 0.006}) {
+    const ObjectModel box = boxObject({0.03, 0.1, 0.06}, Eigen::Isometry3d(Eigen::Translation3d(offset, 0, 0)));
+    const GraspTrial trial = run(hand, box, fromAbove(0.03));
+    EXPECT_NEAR((trial.centering - Vector3d(offset, 0, 0)).norm(), 0, kTolerance);
+    EXPECT_EQ(trial.backoff, kSettings.startBackoff);
+    EXPECT_EQ(trial.jointPosition[0], trial.jointPosition[2]);
+    EXPECT_TRUE(trial.X_OH.translation().isApprox(Vector3d(offset, 0, 0.0303), kTolerance));
+    for (const double side : {-1.0, 1.0}) {
+      const auto touches = [&](const Contact& c) { return std::abs(c.position.x() - offset - side * 0.015) < 1e-9; };
+      EXPECT_TRUE(std::any_of(trial.contacts.begin(), trial.contacts.end(), touches)) << offset;
+    }
+    EXPECT_EQ(verdict(trial, box, 0.4), ForceClosure::closed);
+  }
+}
+
+TEST(ClosedForm, CoupledFingersAreBlockedByAStep) {
+  TriangleMesh mesh = boxMesh({0.03, 0.1, 0.06});
+  // A post 3 mm beside the palm's edge, on the side to which the hand would move.
+  append(mesh, boxMesh({0.01, 0.01, 0.04}), Eigen::Isometry3d(Eigen::Translation3d(0.042, 0, 0.05)));
+  GraspCandidate candidate = fromAbove(0.03);
+  candidate.targetPoint.x() = -0.006;
+  EXPECT_EQ(run(makeCoupledFingers(), makeObject(std::move(mesh)), candidate).outcome, GraspOutcome::blockedCentering);
+}
+
+// The fast policy is wrapped in the same way.
+TEST(ClosedForm, FastCoupledFingersCentreAsTheReferenceDoes) {
+  const Hand hand = makeCoupledFingers();
+  const ObjectModel box = boxObject({0.03, 0.1, 0.06}, Eigen::Isometry3d(Eigen::Translation3d(0.006, 0, 0)));
+  const auto fast = makeFastPolicy(makeHandFields(hand), hand, box, PolicyKind::surfaceNormal);
+  GraspTrial trial, ofClone;
+  fast->run(fromAbove(0.03), trial);
+  EXPECT_NEAR((trial.centering - Vector3d(0.006, 0, 0)).norm(), 0, kTolerance);
+  EXPECT_NEAR(trial.jointPosition[0], run(hand, box, fromAbove(0.03)).jointPosition[0], 2e-3);
+  EXPECT_EQ(verdict(trial, box, 0.4), ForceClosure::closed);
+  fast->clone()->run(fromAbove(0.03), ofClone);
+  EXPECT_EQ(trial.jointPosition, ofClone.jointPosition);
 }
 
 // Three fingers at 120 degrees on an upright cylinder stop at one angle and hold it.

@@ -94,6 +94,15 @@ inline Hand makeFingers(int count) {
   return hand;
 }
 
+/// Two of these fingers with one drive, that centre themselves.
+inline Hand makeCoupledFingers() {
+  Hand hand = makeFingers(2);
+  hand.name = "toy_coupled_fingers";
+  for (std::size_t j = 1; j < hand.joints.size(); ++j) hand.joints[j].mimicOf = 0;
+  hand.closing = {{0, 1, -1, true}};
+  return hand;
+}
+
 inline ObjectModel makeObject(TriangleMesh mesh) {
   return repairObject(std::move(mesh), {1, true, "m"}, "test object");
 }
