@@ -423,7 +423,7 @@ std::vector<int> shapingJoints(const Mechanism& hand, const Grasping& grasping) 
 std::string preshapeLine(const Mechanism& hand, const std::string& name, const VectorXd& q) {
   std::string joints;
   for (const int j : independentJoints(hand)) {
-    joints += fmt::format("{}{}: {:.7g}", joints.empty() ? "" : ", ", hand.joints[j].name, q[j] + 0.0);
+    joints += fmt::format("{}{}: {:.7g}", joints.empty() ? "" : ", ", yamlName(hand.joints[j].name), q[j] + 0.0);
   }
   return fmt::format("  - {{name: {}, joints: {{{}}}}}\n", name, joints);
 }
@@ -465,7 +465,7 @@ std::string closingLines(const Mechanism& hand, const Grasping& grasping) {
     std::string with;
     for (const int follower : followers)
       with += (with.empty() ? "   # moves with it: " : ", ") + hand.joints[follower].name;
-    lines += fmt::format("  - {{joint: {}, direction: {}{}}}{}\n", hand.joints[j].name, grasping.direction[j],
+    lines += fmt::format("  - {{joint: {}, direction: {}{}}}{}\n", yamlName(hand.joints[j].name), grasping.direction[j],
                          centers ? ", self_centering: true" : "", with);
   }
   return lines;
@@ -474,7 +474,7 @@ std::string closingLines(const Mechanism& hand, const Grasping& grasping) {
 std::string palmLines(const Mechanism& hand, const Grasping& grasping) {
   const std::vector<Isometry3d> X = forwardKinematics(hand, grasping.open);
   const Isometry3d X_LH = X[grasping.palmLink].inverse();
-  const std::string& link = hand.links[grasping.palmLink].name;
+  const std::string link = yamlName(hand.links[grasping.palmLink].name);
   std::string lines =
       grasping.gain > 0
           ? fmt::format(
@@ -506,9 +506,10 @@ std::string initialHandConfig(const std::string& urdfPath, const std::string& ro
     throw InputError(
         fmt::format("{}: has no moving joint below the link {}, want a hand with fingers", urdfPath, root));
   }
-  std::vector<std::string> ignored;
+  std::vector<std::string> ignored, ignoredNames;
   for (const Link& link : hand.links) {
-    if (std::find(padded.begin(), padded.end(), link.name) != padded.end()) ignored.push_back(link.name);
+    if (std::find(padded.begin(), padded.end(), link.name) != padded.end())
+      ignored.push_back(link.name), ignoredNames.push_back(yamlName(link.name));
   }
   if (!ignored.empty()) {
     hand = {};
@@ -519,7 +520,7 @@ std::string initialHandConfig(const std::string& urdfPath, const std::string& ro
   const std::string file = std::filesystem::path(urdfPath).filename().string();
   return fmt::format(
       "# Guessed from {0}, beside which this file belongs. See what was guessed: handhold hand . --out pictures\n"
-      "urdf: {0}\n"
+      "urdf: {8}\n"
       "root_link: {1}   # {2}\n"
       "{3}{4}"
       "# Open, and half way until the fingertips meet{5}. standoff: METRES would be added to the back-off.\n"
@@ -531,11 +532,12 @@ std::string initialHandConfig(const std::string& urdfPath, const std::string& ro
       "contact_links: all\n"
       "# Fingertips that transmit a moment about the contact normal, up to friction x torsion_radius x normal force:\n"
       "# contact: {{model: soft_finger, torsion_radius: METRES}}\n",
-      file, root, rootLink.empty() ? "where the fingers branch off (--root LINK: another)" : "as given",
-      ignored.empty() ? "" : fmt::format("ignore_links: [{}]   # seen nowhere: padding\n", fmt::join(ignored, ", ")),
+      file, yamlName(root), rootLink.empty() ? "where the fingers branch off (--root LINK: another)" : "as given",
+      ignored.empty() ? ""
+                      : fmt::format("ignore_links: [{}]   # seen nowhere: padding\n", fmt::join(ignoredNames, ", ")),
       palmLines(hand, grasping),
       shapingJoints(hand, grasping).empty() ? "" : ", with the joints that do not close at three places",
-      preshapeLines(hand, guesser, grasping), closingLines(hand, grasping));
+      preshapeLines(hand, guesser, grasping), closingLines(hand, grasping), yamlName(file));
 }
 
 }  // namespace handhold

@@ -8,6 +8,7 @@
 #include "mesh/primitives.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cstdlib>
 #include <filesystem>
 #include <limits>
@@ -393,6 +394,20 @@ void readStoredUrdf(const std::string& text, const std::string& rootLink,
                     const std::map<std::string, TriangleMesh>& meshes, Mechanism& mechanism) {
   mechanism.urdfText = text;
   readLinks("the stored URDF", rootLink, {}, {}, &meshes, mechanism);
+}
+
+std::string yamlName(const std::string& name) {
+  const bool plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name[0])) != 0 &&
+                     std::all_of(name.begin(), name.end(), [](unsigned char c) {
+                       return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.' || c == '/';
+                     });
+  if (plain && name != "null") return name;
+  std::string result = "\"";
+  for (const char c : name) {
+    if (c == '"' || c == '\\') result += '\\';
+    result += c;
+  }
+  return result + "\"";
 }
 
 }  // namespace handhold

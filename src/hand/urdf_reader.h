@@ -21,4 +21,7 @@ void readUrdf(const std::string& path, const std::string& rootLink, const std::v
 void readStoredUrdf(const std::string& text, const std::string& rootLink,
                     const std::map<std::string, TriangleMesh>& meshes, Mechanism& mechanism);
 
+/// A name as YAML reads it back, for the files that are begun from a URDF.
+std::string yamlName(const std::string& name);
+
 }  // namespace handhold

@@ -34,21 +34,6 @@ int indexOf(const Items& items, const std::string& name) {
   return it == items.end() ? -1 : static_cast<int>(it - items.begin());
 }
 
-/// A name as YAML reads it back.
-std::string quoted(const std::string& name) {
-  const bool plain = !name.empty() && std::isalpha(static_cast<unsigned char>(name[0])) != 0 &&
-                     std::all_of(name.begin(), name.end(), [](unsigned char c) {
-                       return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.' || c == '/';
-                     });
-  if (plain && name != "null") return name;
-  std::string result = "\"";
-  for (const char c : name) {
-    if (c == '"' || c == '\\') result += '\\';
-    result += c;
-  }
-  return result + "\"";
-}
-
 /// What an SRDF says.
 struct SemanticDescription {
   std::string homeName;  // empty: no group_state
@@ -269,14 +254,14 @@ std::string armText(const std::string& urdfName, const Mechanism& body, const Gu
         "  # Guessed: the URDF has a hand at {} (it moves {}). Write a hand.yaml in a folder of its own, with the "
         "path\n"
         "  # of {} as urdf and root_link: {}, and name that folder here.\n",
-        body.links[guess.handRoot].name, fmt::join(fingers, ", "), urdfName, quoted(body.links[guess.handRoot].name));
+        body.links[guess.handRoot].name, fmt::join(fingers, ", "), urdfName, yamlName(body.links[guess.handRoot].name));
   } else {
     text +=
         "  # No hand was found in the URDF. Name the folder of one; mount is the pose of its root link in tip_link.\n";
     mount = ", mount: {position: [0, 0, 0], orientation: [0, 0, 0, 1]}";
   }
   return text + fmt::format("  - {{name: arm, base_link: {}, tip_link: {}, hand: FOLDER_OF_THE_HAND{}}}\n",
-                            quoted(body.links[guess.baseLink].name), quoted(body.links[guess.tipLink].name), mount);
+                            yamlName(body.links[guess.baseLink].name), yamlName(body.links[guess.tipLink].name), mount);
 }
 
 std::string homeText(const Mechanism& body, const SemanticDescription& semantic, const std::string& srdfPath) {
@@ -287,7 +272,7 @@ std::string homeText(const Mechanism& body, const SemanticDescription& semantic,
     double position = joint.lower > 0 || joint.upper < 0 ? (joint.lower + joint.upper) / 2 : 0;
     if (const auto given = semantic.home.find(static_cast<int>(j)); given != semantic.home.end())
       position = given->second;
-    entries.push_back(fmt::format("{}: {}", quoted(joint.name), position));
+    entries.push_back(fmt::format("{}: {}", yamlName(joint.name), position));
   }
   const std::string source = semantic.homeName.empty()
                                  ? "# Every joint at 0, or in the middle of limits that do not hold it.\n"
@@ -303,7 +288,8 @@ std::string speedText(const Mechanism& body) {
   std::vector<std::string> velocities;
   for (const Joint& joint : body.joints) {
     if (joint.mimicOf < 0) {
-      velocities.push_back(fmt::format("{}: {}", quoted(joint.name), joint.velocity > 0 ? joint.velocity : kVelocity));
+      velocities.push_back(
+          fmt::format("{}: {}", yamlName(joint.name), joint.velocity > 0 ? joint.velocity : kVelocity));
     }
   }
   return fmt::format(
@@ -322,8 +308,8 @@ std::string collisionText(const Mechanism& body, const SemanticDescription& sema
     for (const LinkPair& pair : pairs) {
       if (std::find(listed.begin(), listed.end(), pair) != listed.end()) continue;
       listed.push_back(pair);
-      text += fmt::format("  - [{}, {}]   # {}\n", quoted(body.links[pair.first].name),
-                          quoted(body.links[pair.second].name), reason);
+      text += fmt::format("  - [{}, {}]   # {}\n", yamlName(body.links[pair.first].name),
+                          yamlName(body.links[pair.second].name), reason);
     }
   };
   list(counts.always, "touch in every posture tried");
@@ -348,7 +334,7 @@ std::string initialRobotConfig(const std::string& urdfPath, const std::string& s
   }
   const std::string urdfName = fs::path(urdfPath).filename().string();
   return fmt::format("# Made from {}, to be saved beside it. Set `hand`, and check what was guessed.\nurdf: {}\n",
-                     urdfName, quoted(urdfName)) +
+                     urdfName, yamlName(urdfName)) +
          armText(urdfName, body, guess) + homeText(body, semantic, srdfPath) + speedText(body) +
          "clearance: 0.005   # m, kept by planned motions\n" + collisionText(body, semantic, sampleContacts(body));
 }

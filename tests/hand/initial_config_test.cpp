@@ -194,6 +194,15 @@ TEST_F(InitialConfig, SaysWhatWasNotFound) {
   EXPECT_EQ(guessed(drawer).closing[0].direction, -1);
 }
 
+// A URDF may call things what YAML takes for its own.
+TEST_F(InitialConfig, NamesAreQuoted) {
+  std::string odd = jaws();
+  for (std::size_t at = odd.find("open_left"); at != std::string::npos; at = odd.find("open_left", at))
+    odd.replace(at, 9, "l, {e}: #1");
+  const Hand hand = guessed(odd);
+  EXPECT_EQ(hand.joints[hand.closing[0].joint].name, "l, {e}: #1");
+}
+
 TEST_F(InitialConfig, WhatDoesNotMoveIsNoHand) {
   EXPECT_THAT([&] { guess(boxAt("palm", "0.1 0.1 0.1", "xyz=\"0 0 0\"")); },
               ThrowsMessage<InputError>(
