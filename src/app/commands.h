@@ -3,6 +3,7 @@
 #include "app/program.h"
 #include "build/build_job.h"
 #include "build/shards.h"
+#include "store/physics_set.h"
 #include "store/prune.h"
 
 #include <atomic>
@@ -108,6 +109,10 @@ struct GraspName {
   std::size_t grasp = 0;
 };
 GraspName parseGraspName(const std::string& text);
+
+/// The physics results beside a set; nothing when there are none. Those that cannot be used are told.
+std::optional<PhysicsSet> physicsOf(const std::filesystem::path& set, const std::string& inputHash, int setVersion,
+                                    std::size_t grasps);
 
 /// The grasps that pass; failures, and what was left out and why, are told on stderr. @throws InputError
 QueryAnswer findGrasps(const QueryCommand& command, const Database& database);

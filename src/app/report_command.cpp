@@ -29,6 +29,14 @@ std::vector<SetFile> newestSets(const ReportCommand& command, const Database& da
   return sets;
 }
 
+/// Of each grasp, the share of loads that it bore in simulation; empty when nothing of the set was simulated.
+std::vector<float> sharesHeld(const GraspSet& set, const fs::path& path) {
+  const std::optional<PhysicsSet> physics = physicsOf(path, set.inputHash, set.setVersion, set.graspCount());
+  if (!physics) return {};
+  const std::vector<double> shares = shareHeld(*physics, set.graspCount());
+  return {shares.begin(), shares.end()};
+}
+
 }  // namespace
 
 int runReport(const ReportCommand& command, const Database& database) {
@@ -44,7 +52,7 @@ int runReport(const ReportCommand& command, const Database& database) {
     try {
       const GraspSet set = readGraspSet(file.path);
       shown += std::min(top, set.graspCount());
-      report.add({set, file.path.string(), fs::file_size(file.path), top, {}});
+      report.add({set, file.path.string(), fs::file_size(file.path), top, sharesHeld(set, file.path)});
     } catch (const InputError& error) {
       logError(error.what());
       report.addFailure(error.what());

@@ -84,17 +84,6 @@ nlohmann::ordered_json toJson(const GraspSetSummary& s) {
           {"path", s.path.string()}};
 }
 
-/// The physics results beside a set; nothing when there are none. Those that cannot be used are told.
-std::optional<PhysicsSet> physicsOf(const GraspSetSummary& s) {
-  if (!fs::exists(physicsPath(s.path))) return std::nullopt;
-  try {
-    return readPhysicsOf(s.path, s.inputHash, s.setVersion, s.grasps);
-  } catch (const InputError& error) {
-    logWarning(error.what());
-    return std::nullopt;
-  }
-}
-
 nlohmann::ordered_json toJson(const PhysicsSet& physics) {
   nlohmann::ordered_json held;
   for (const std::string& test : physics.testNames) held[test] = countHeld(physics, test);
@@ -144,7 +133,8 @@ void printInfo(const GraspSetSummary& s) {
         s.bestRobustness, s.bestRobustnessLower, s.bestRobustnessUpper, s.robustnessTrials, s.robustnessPosition,
         s.robustnessRotation * 180 / std::numbers::pi);
   }
-  if (const std::optional<PhysicsSet> physics = physicsOf(s)) printPhysics(*physics);
+  if (const std::optional<PhysicsSet> physics = physicsOf(s.path, s.inputHash, s.setVersion, s.grasps))
+    printPhysics(*physics);
   const double total = totalSeconds(s);
   fmt::print("  core time   {:.2f} s, {:.0f} trials/s a core\n", total,
              total > 0 ? static_cast<double>(trialCount(s)) / total : 0);
@@ -185,6 +175,17 @@ std::vector<Column> occurringOutcomes(const std::vector<GraspSetSummary>& summar
 }
 
 }  // namespace
+
+std::optional<PhysicsSet> physicsOf(const fs::path& set, const std::string& inputHash, int setVersion,
+                                    std::size_t grasps) {
+  if (!fs::exists(physicsPath(set))) return std::nullopt;
+  try {
+    return readPhysicsOf(set, inputHash, setVersion, grasps);
+  } catch (const InputError& error) {
+    logWarning(error.what());
+    return std::nullopt;
+  }
+}
 
 std::string contactModel(double torsionRadius) {
   return torsionRadius > 0 ? fmt::format("soft fingers, torsion radius {} m", torsionRadius) : "points";
@@ -234,7 +235,9 @@ namespace {
 
 nlohmann::ordered_json infoJson(const GraspSetSummary& summary) {
   nlohmann::ordered_json json = toJson(summary);
-  if (const std::optional<PhysicsSet> physics = physicsOf(summary)) json["physics"] = toJson(*physics);
+  if (const std::optional<PhysicsSet> physics =
+          physicsOf(summary.path, summary.inputHash, summary.setVersion, summary.grasps))
+    json["physics"] = toJson(*physics);
   return json;
 }
 
