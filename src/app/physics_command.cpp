@@ -99,6 +99,7 @@ bool label(const SetFile& file, const PhysicsCommand& command, SetLoader& loader
   fmt::print("{}: held: {} ({:.1f} grasps/s a core; shape error p95 {:.2f} mm, most {:.2f} mm)\n", name,
              heldText(*physics), simulated > 0 ? simulated / seconds : 0, 1e3 * physics->shapeP95,
              1e3 * physics->shapeMost);
+  std::fflush(stdout);
   return true;
 }
 

@@ -143,6 +143,23 @@ TEST_F(JawPhysics, ABoxIsLiftedFromTheTableAndAnOpenHandLeavesItThere) {
   EXPECT_NEAR(left.directions[0].displacement, 0.1, 0.005);
 }
 
+// MuJoCo's own collisions of convex pieces tell the same: held by the closed hand, not by the open one.
+TEST_F(JawPhysics, PiecesAreHeldAsTheFieldIs) {
+  const ObjectModel object = boxObject({0.04, 0.04, 0.04});
+  const PhysicsModel model(hand, linkSolids(hand), std::make_shared<Solid>(objectSolid(object.mesh)), object.mass, 0,
+                           {}, connectedHulls(object.mesh));
+  GraspSimulator simulator(model);
+  const TestResult held = simulator.run(posture, PhysicsTest::pull);
+  EXPECT_TRUE(isHeld(held));
+  ASSERT_FALSE(held.settled.contacts.empty());
+  for (const Contact& contact : held.settled.contacts) {  // normals point into the object
+    EXPECT_LT(contact.normal.dot(contact.position), 0);
+  }
+  posture.joints = posture.preshape;
+  posture.contacts.clear();
+  EXPECT_FALSE(isHeld(simulator.run(posture, PhysicsTest::pull)));
+}
+
 TEST_F(JawPhysics, TheWatchSeesEveryPhaseOnce) {
   const PhysicsModel model = modelOf(boxObject({0.04, 0.04, 0.04}));
   std::vector<PhysicsFrame> frames;
