@@ -26,14 +26,18 @@ std::vector<float> firstRows(const std::vector<T>& array, std::size_t rows, std:
 }
 
 /// A number that every grasp has: shown, plotted and filtered by. Left out where no grasp has it.
+/// What a histogram spans: the values that there are, or 0 to 1.
+enum class Scale { values, share };
+
 void addColumn(Json& columns, const char* key, const char* label, const char* brief, const char* unit,
-               const char* meaning, const std::vector<float>& values) {
+               const char* meaning, const std::vector<float>& values, Scale scale = Scale::values) {
   if (std::none_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); })) return;
   columns.push_back({{"key", key},
                      {"label", label},
                      {"brief", brief},
                      {"unit", unit},
                      {"meaning", meaning},
+                     {"is_share", scale == Scale::share},
                      {"values", packed(values)}});
 }
 
@@ -52,10 +56,11 @@ Json columnsJson(const ReportedSet& reported, std::size_t rows) {
             firstRows(set.loadMargin, rows));
   addColumn(columns, "robustness", "Robustness", "Robust", "",
             "Share of the slightly moved poses at which the hand still ends force closed; more is better.",
-            firstRows(set.robustness, rows));
+            firstRows(set.robustness, rows), Scale::share);
   if (!reported.physics.empty()) {
     addColumn(columns, "physics", "Physics", "Physics", "",
-              "Share of the simulated directions that the grasp survived.", firstRows(reported.physics, rows));
+              "Share of the simulated directions that the grasp survived.", firstRows(reported.physics, rows),
+              Scale::share);
   }
   return columns;
 }

@@ -27,8 +27,8 @@ class RangeHistogram {
   constructor(column, changed) {
     this.column = column;
     const finite = column.values.filter(Number.isFinite);
-    this.low = finite.reduce((a, b) => Math.min(a, b), Infinity);
-    this.high = finite.reduce((a, b) => Math.max(a, b), -Infinity);
+    this.low = column.is_share ? 0 : finite.reduce((a, b) => Math.min(a, b), Infinity);
+    this.high = column.is_share ? 1 : finite.reduce((a, b) => Math.max(a, b), -Infinity);
     if (this.low > 0 && this.low < 0.15 * this.high) this.low = 0;
     if (!(this.high > this.low)) this.high = this.low + (Math.abs(this.low) || 1) * 1e-3;
     this.unknown = column.values.length - finite.length;
