@@ -7,6 +7,7 @@
 #include "robot/touching_links.h"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cmath>
 #include <filesystem>
@@ -264,23 +265,67 @@ std::string armText(const std::string& urdfName, const Mechanism& body, const Gu
                             yamlName(body.links[guess.baseLink].name), yamlName(body.links[guess.tipLink].name), mount);
 }
 
-std::string homeText(const Mechanism& body, const SemanticDescription& semantic, const std::string& srdfPath) {
+/// A posture to begin with, and how it was chosen.
+struct Home {
+  Eigen::VectorXd position;
+  std::string reason;
+};
+
+/// The first of three guesses in which no links meet that are apart elsewhere; the first of all when they meet in each.
+Home guessHome(const Mechanism& body, const SemanticDescription& semantic, const std::vector<LinkPair>& always) {
+  constexpr double kNearEnd = 0.05;  // of the way from one limit to the other
+  const std::array<std::string, 3> reasons = {
+      "joints at 0, or in the middle of limits that do not hold it",
+      "joints at 0, or in the middle where 0 is at or beyond an end of the limits",
+      "joints in the middle of their limits"};
+  const TouchingLinks models(body);
+  std::vector<LinkPair> mayTouch = neighbouringLinks(body);
+  mayTouch.insert(mayTouch.end(), always.begin(), always.end());
+  mayTouch.insert(mayTouch.end(), semantic.disabled.begin(), semantic.disabled.end());
+  const auto isFree = [&](const Eigen::VectorXd& q) {
+    std::vector<Eigen::Isometry3d> X_BL;
+    forwardKinematics(body, followMimics(body, q), X_BL);
+    for (int b = 0; b < static_cast<int>(body.links.size()); ++b) {
+      for (int a = 0; a < b; ++a) {
+        const bool counts = std::find(mayTouch.begin(), mayTouch.end(), LinkPair(a, b)) == mayTouch.end();
+        if (counts && models.touch(a, b, X_BL)) return false;
+      }
+    }
+    return true;
+  };
+  Home first;
+  for (std::size_t guess = 0; guess < reasons.size(); ++guess) {
+    Home home{Eigen::VectorXd::Zero(static_cast<Eigen::Index>(body.joints.size())), reasons[guess]};
+    for (std::size_t j = 0; j < body.joints.size(); ++j) {
+      const Joint& joint = body.joints[j];
+      const double range = joint.upper - joint.lower, margin = guess == 0 ? 0 : kNearEnd * range;
+      const bool holdsZero = joint.lower + margin <= 0 && joint.upper - margin >= 0;
+      double& position = home.position[static_cast<Eigen::Index>(j)];
+      if (std::isfinite(range) && (guess == 2 || !holdsZero)) position = (joint.lower + joint.upper) / 2;
+      if (const auto given = semantic.home.find(static_cast<int>(j)); given != semantic.home.end())
+        position = given->second;
+    }
+    if (isFree(home.position)) return home;
+    if (guess == 0) first = std::move(home);
+  }
+  first.reason += "; links meet here";
+  return first;
+}
+
+std::string homeText(const Mechanism& body, const SemanticDescription& semantic, const std::string& srdfPath,
+                     const std::vector<LinkPair>& always) {
+  const Home home = guessHome(body, semantic, always);
   std::vector<std::string> entries;
   for (std::size_t j = 0; j < body.joints.size(); ++j) {
-    const Joint& joint = body.joints[j];
-    if (joint.mimicOf >= 0) continue;
-    double position = joint.lower > 0 || joint.upper < 0 ? (joint.lower + joint.upper) / 2 : 0;
-    if (const auto given = semantic.home.find(static_cast<int>(j)); given != semantic.home.end())
-      position = given->second;
-    entries.push_back(fmt::format("{}: {}", yamlName(joint.name), position));
+    if (body.joints[j].mimicOf >= 0) continue;
+    entries.push_back(
+        fmt::format("{}: {}", yamlName(body.joints[j].name), home.position[static_cast<Eigen::Index>(j)]));
   }
-  const std::string source = semantic.homeName.empty()
-                                 ? "# Every joint at 0, or in the middle of limits that do not hold it.\n"
-                                 : fmt::format(
-                                       "# group_state \"{}\" of {}; other joints at 0, or in the middle of limits "
-                                       "that do not hold it.\n",
-                                       semantic.homeName, fs::path(srdfPath).filename().string());
-  return source + fmt::format("home: {{{}}}\n", fmt::join(entries, ", "));
+  const std::string source =
+      semantic.homeName.empty()
+          ? "Guessed: "
+          : fmt::format("group_state \"{}\" of {}; other ", semantic.homeName, fs::path(srdfPath).filename().string());
+  return fmt::format("# {}{}.\nhome: {{{}}}\n", source, home.reason, fmt::join(entries, ", "));
 }
 
 std::string speedText(const Mechanism& body) {
@@ -333,10 +378,11 @@ std::string initialRobotConfig(const std::string& urdfPath, const std::string& s
     findFlange(body, guess);
   }
   const std::string urdfName = fs::path(urdfPath).filename().string();
+  const PairCounts counts = sampleContacts(body);
   return fmt::format("# Made from {}, to be saved beside it. Set `hand`, and check what was guessed.\nurdf: {}\n",
                      urdfName, yamlName(urdfName)) +
-         armText(urdfName, body, guess) + homeText(body, semantic, srdfPath) + speedText(body) +
-         "clearance: 0.005   # m, kept by planned motions\n" + collisionText(body, semantic, sampleContacts(body));
+         armText(urdfName, body, guess) + homeText(body, semantic, srdfPath, counts.always) + speedText(body) +
+         "clearance: 0.005   # m, kept by planned motions\n" + collisionText(body, semantic, counts);
 }
 
 }  // namespace handhold

@@ -148,6 +148,9 @@ TEST_F(OthersRobotsTest, Panda) {
   EXPECT_EQ(robot.arms[0].joints.size(), 7u);
   EXPECT_EQ(robot.body.links[robot.arms[0].handLinks[0]].name, "panda_hand");
   EXPECT_EQ(robot.arms[0].handJoints.size(), 2u);
+  // At 0 its fingers meet, and links 5 and 7.
+  EXPECT_EQ(robot.home[indexOf(robot.body.joints, "panda_finger_joint1")], 0.02);
+  EXPECT_GT(robot.home[indexOf(robot.body.joints, "panda_joint6")], 1.0);
   // Our Panda is this one.
   const Robot ours = loadRobot(std::string(HANDHOLD_SOURCE_DIR) + "/robots/panda");
   const ArmChain theirs = makeChain(robot, 0), chain = makeChain(ours, 0);
