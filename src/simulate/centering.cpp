@@ -44,13 +44,11 @@ class CenteringPolicy : public GraspPolicy {
  private:
   /// The side of the links that stopped the closing; 0: none or both.
   int stoppedSide(const GraspTrial& trial) const {
-    int sum = 0;
-    bool both[2] = {false, false};
-    for (const int link : trial.stops.empty() ? std::vector<int>{} : trial.stops[0].links) {
-      sum = sides_[static_cast<std::size_t>(link)];
-      both[sum > 0 ? 1 : 0] = true;
-    }
-    return both[0] && both[1] ? 0 : sum;
+    if (trial.stops.empty() || trial.stops[0].links.empty()) return 0;
+    const auto sideOf = [&](int link) { return sides_[static_cast<std::size_t>(link)]; };
+    const std::vector<int>& links = trial.stops[0].links;
+    const int side = sideOf(links[0]);
+    return std::all_of(links.begin(), links.end(), [&](int link) { return sideOf(link) == side; }) ? side : 0;
   }
 
   /// What stops the closing with the hand moved.

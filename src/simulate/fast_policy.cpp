@@ -4,6 +4,7 @@
 #include "simulate/centering.h"
 #include "simulate/contacts.h"
 #include "simulate/fast_kernels.h"
+#include "simulate/reference_policy.h"
 
 #include <algorithm>
 #include <cmath>
@@ -90,7 +91,7 @@ class FastPolicy final : public GraspPolicy {
         shell_(std::make_shared<const ObjectShell>(object)),
         objectScene_(std::make_shared<const RayScene>(object.mesh)),
         objectBox_(boundingBox(object.mesh)),
-        reference_(makeReferencePolicy(hand, object, kind, settings)) {
+        reference_(makeUncenteredReference(hand, object, kind, settings)) {
     reserve();
   }
 

@@ -315,9 +315,14 @@ class ReferencePolicy final : public GraspPolicy {
 
 }  // namespace
 
+std::unique_ptr<GraspPolicy> makeUncenteredReference(const Hand& hand, const ObjectModel& object, PolicyKind kind,
+                                                     const ReferenceSettings& settings) {
+  return std::make_unique<ReferencePolicy>(hand, object, kind, settings);
+}
+
 std::unique_ptr<GraspPolicy> makeReferencePolicy(const Hand& hand, const ObjectModel& object, PolicyKind kind,
                                                  const ReferenceSettings& settings) {
-  return centerCoupledJaws(hand, std::make_unique<ReferencePolicy>(hand, object, kind, settings));
+  return centerCoupledJaws(hand, makeUncenteredReference(hand, object, kind, settings));
 }
 
 }  // namespace handhold
