@@ -4,6 +4,7 @@
 #include "mesh/edges.h"
 
 #include <algorithm>
+#include <map>
 #include <numeric>
 
 namespace handhold {
@@ -43,6 +44,24 @@ std::vector<std::uint32_t> connectedPieces(const TriangleMesh& mesh) {
   }
   for (std::uint32_t& vertex : parent) vertex = rootOf(vertex);
   return parent;
+}
+
+std::vector<TriangleMesh> splitPieces(const TriangleMesh& mesh) {
+  const std::vector<std::uint32_t> pieceOf = connectedPieces(mesh);
+  std::map<std::uint32_t, TriangleMesh> pieces;
+  std::vector<std::uint32_t> place(mesh.vertices.size());
+  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+    TriangleMesh& piece = pieces[pieceOf[i]];
+    place[i] = static_cast<std::uint32_t>(piece.vertices.size());
+    piece.vertices.push_back(mesh.vertices[i]);
+  }
+  for (const auto& t : mesh.triangles)
+    pieces[pieceOf[t[0]]].triangles.push_back({place[t[0]], place[t[1]], place[t[2]]});
+  std::vector<TriangleMesh> result;
+  for (auto& [_, piece] : pieces) {
+    if (!piece.triangles.empty()) result.push_back(std::move(piece));
+  }
+  return result;
 }
 
 std::vector<Eigen::Vector3d> pieceVertices(const TriangleMesh& mesh) {

@@ -37,6 +37,10 @@ void append(TriangleMesh& mesh, const TriangleMesh& part, const Eigen::Isometry3
 /// For every vertex the lowest one of the piece that it belongs to; pieces are connected by shared vertices.
 std::vector<std::uint32_t> connectedPieces(const TriangleMesh& mesh);
 
+/// The connected pieces themselves, in the order of their first vertices, which stay in order; vertices of no triangle
+/// are left out.
+std::vector<TriangleMesh> splitPieces(const TriangleMesh& mesh);
+
 /// A vertex of each connected piece: any of them can be inside something while the others are not.
 std::vector<Eigen::Vector3d> pieceVertices(const TriangleMesh& mesh);
 

@@ -1,7 +1,6 @@
 #include "physics/convex_pieces.h"
 
 #include <algorithm>
-#include <map>
 
 #include <Eigen/Eigenvalues>
 #include <HACD/hacdHACD.h>
@@ -66,12 +65,9 @@ std::vector<ConvexPiece> convexPieces(const TriangleMesh& mesh) {
 }
 
 std::vector<ConvexPiece> connectedHulls(const TriangleMesh& mesh) {
-  const std::vector<std::uint32_t> pieceOf = connectedPieces(mesh);
-  std::map<std::uint32_t, ConvexPiece> pieces;
-  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) pieces[pieceOf[i]].push_back(mesh.vertices[i]);
   std::vector<ConvexPiece> result;
-  for (auto& [_, piece] : pieces) {
-    if (isSolid(piece)) result.push_back(std::move(piece));
+  for (TriangleMesh& piece : splitPieces(mesh)) {
+    if (isSolid(piece.vertices)) result.push_back(std::move(piece.vertices));
   }
   return result;
 }

@@ -5,7 +5,6 @@
 #include "scene/surface_distance.h"
 
 #include <limits>
-#include <map>
 
 namespace handhold {
 namespace {
@@ -17,23 +16,11 @@ constexpr double kRoom = 2;  // spacings around the mesh
 /// The closed pieces of which a mesh is the union; the whole mesh where it is none: an inner wall is a piece turned
 /// inside out, and an open piece has no inside of its own.
 std::vector<TriangleMesh> solidPieces(const TriangleMesh& mesh) {
-  const std::vector<std::uint32_t> pieceOf = connectedPieces(mesh);
-  std::map<std::uint32_t, TriangleMesh> pieces;
-  std::vector<std::uint32_t> place(mesh.vertices.size());
-  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
-    TriangleMesh& piece = pieces[pieceOf[i]];
-    place[i] = static_cast<std::uint32_t>(piece.vertices.size());
-    piece.vertices.push_back(mesh.vertices[i]);
-  }
-  for (const auto& t : mesh.triangles)
-    pieces[pieceOf[t[0]]].triangles.push_back({place[t[0]], place[t[1]], place[t[2]]});
-  std::vector<TriangleMesh> result;
-  for (auto& [_, piece] : pieces) {
-    if (piece.triangles.empty()) continue;
-    if (!isWatertight(piece) || massProperties(piece, true).volume <= 0) return {mesh};
-    result.push_back(std::move(piece));
-  }
-  return result;
+  std::vector<TriangleMesh> pieces = splitPieces(mesh);
+  const bool areSolid = std::all_of(pieces.begin(), pieces.end(), [](const TriangleMesh& piece) {
+    return isWatertight(piece) && massProperties(piece, true).volume > 0;
+  });
+  return areSolid ? pieces : std::vector<TriangleMesh>{mesh};
 }
 
 }  // namespace

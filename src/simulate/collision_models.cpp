@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <iterator>
 #include <limits>
-#include <map>
 
 #include <fcl/geometry/bvh/BVH_model.h>
 #include <fcl/geometry/shape/box.h>
@@ -31,21 +30,6 @@ bool touches(const Bvh& a, const Eigen::Isometry3d& X_A, const Bvh& b, const Eig
   static const fcl::CollisionRequest<double> request(1, false);
   fcl::CollisionResult<double> result;
   return fcl::collide(&a, X_A, &b, X_B, request, result) > 0;
-}
-
-/// The pieces of a mesh that share no vertex.
-std::vector<TriangleMesh> splitPieces(const TriangleMesh& mesh) {
-  const std::vector<std::uint32_t> pieceOf = connectedPieces(mesh);
-  std::map<std::uint32_t, TriangleMesh> pieces;
-  for (const auto& t : mesh.triangles) {
-    TriangleMesh& piece = pieces[pieceOf[t[0]]];
-    const auto first = static_cast<std::uint32_t>(piece.vertices.size());
-    for (const std::uint32_t v : t) piece.vertices.push_back(mesh.vertices[v]);
-    piece.triangles.push_back({first, first + 1, first + 2});
-  }
-  std::vector<TriangleMesh> result;
-  for (auto& [vertex, piece] : pieces) result.push_back(std::move(piece));
-  return result;
 }
 
 }  // namespace
