@@ -35,12 +35,6 @@ PlanSource sourceOf(const PlanReportCommand& command, const PlanFile& file) {
   return source;
 }
 
-std::string counted(const std::map<std::string, std::size_t>& counts) {
-  std::string text;
-  for (const auto& [reason, count] : counts) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, reason);
-  return text;
-}
-
 /// `hand_over` of t_bar is "hand over t_bar".
 std::string stepName(std::string step, const std::string& object) {
   std::replace(step.begin(), step.end(), '_', ' ');
@@ -177,7 +171,7 @@ PlanResult planAgain(const PlanReportCommand& command, const PlanFile& file, Sco
 ReportedPlan reportPlan(const PlanReportCommand& command, const PlanFile& file, const PlanSource& source,
                         Planner& planner) {
   const Robot& robot = planner.robot();
-  const ScoreKind kind = source.score == "reach" ? ScoreKind::reach : ScoreKind::paper;
+  const ScoreKind kind = *scoreOf(source.score);
   planner.loadScene(source.scene);
   const PlanResult result = planAgain(command, file, kind, planner);
   const Ranking ranking = planner.rank(kind);

@@ -110,6 +110,14 @@ struct Grasping {
   double height = 0;            // m, of the fingertips over the palm when they do
 };
 
+std::vector<int> closingJoints(const Grasping& grasping) {
+  std::vector<int> joints;
+  for (std::size_t j = 0; j < grasping.direction.size(); ++j) {
+    if (grasping.direction[j] != 0) joints.push_back(static_cast<int>(j));
+  }
+  return joints;
+}
+
 /// Looks for the direction in which the fingertips come together.
 class Guesser {
  public:
@@ -358,11 +366,7 @@ class Guesser {
   /// As jawSides (hand.h) has it of what closes.
   bool movesBothSides(const Grasping& grasping) const {
     const std::vector<Isometry3d> X = forwardKinematics(hand_, grasping.open);
-    std::vector<int> closing;
-    for (std::size_t j = 0; j < grasping.direction.size(); ++j) {
-      if (grasping.direction[j] != 0) closing.push_back(static_cast<int>(j));
-    }
-    const std::vector<bool> moves = linksMovedBy(hand_, closing);
+    const std::vector<bool> moves = linksMovedBy(hand_, closingJoints(grasping));
     bool above = false, below = false;
     for (std::size_t i = 0; i < moves.size(); ++i) {
       if (!moves[i] || hand_.links[i].mesh.triangles.empty()) continue;
@@ -450,13 +454,7 @@ std::string preshapeLines(const Mechanism& hand, const Guesser& guesser, const G
 }
 
 std::string closingLines(const Mechanism& hand, const Grasping& grasping) {
-  const std::vector<int> closing = [&] {
-    std::vector<int> joints;
-    for (std::size_t j = 0; j < hand.joints.size(); ++j) {
-      if (grasping.direction[j] != 0) joints.push_back(static_cast<int>(j));
-    }
-    return joints;
-  }();
+  const std::vector<int> closing = closingJoints(grasping);
   std::string lines;
   for (const int j : closing) {
     const std::vector<int> followers = followersOf(hand, j);

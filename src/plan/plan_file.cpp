@@ -2,6 +2,7 @@
 
 #include "core/error.h"
 #include "core/file.h"
+#include "plan/planner.h"
 
 #include <cmath>
 
@@ -59,6 +60,7 @@ PlanSource sourceOf(const Json& json) {
   source.database = json.at("db");
   source.scene = json.contains("task") ? json.at("task") : json.at("scene");
   source.score = json.at("score");
+  if (!scoreOf(source.score)) throw InputError(fmt::format("has score \"{}\", want paper or reach", source.score));
   if (json.contains("packages")) source.packages = json.at("packages");
   if (json.contains("seed")) source.seed = json.at("seed");
   if (json.contains("draw")) source.draw = json.at("draw").get<std::int64_t>();
@@ -96,6 +98,10 @@ void readTask(const Json& json, PlanFile& file) {
 PlanFile readPlanFile(const std::filesystem::path& path) {
   const std::string text = readFile(path);
   PlanFile file;
+  const auto refuse = [&](const std::exception& error) {
+    throw InputError(
+        fmt::format("{}: {}, want a file that handhold-plan plan or task wrote", path.string(), error.what()));
+  };
   try {
     const Json json = Json::parse(text);
     file.status = json.at("status");
@@ -103,11 +109,9 @@ PlanFile readPlanFile(const std::filesystem::path& path) {
     if (json.contains("source")) file.source = sourceOf(json.at("source"));
     json.contains("steps") ? readTask(json, file) : readPlan(json, file);
   } catch (const Json::exception& error) {
-    throw InputError(
-        fmt::format("{}: {}, want a file that handhold-plan plan or task wrote", path.string(), error.what()));
+    refuse(error);
   } catch (const InputError& error) {
-    throw InputError(
-        fmt::format("{}: {}, want a file that handhold-plan plan or task wrote", path.string(), error.what()));
+    refuse(error);
   }
   return file;
 }

@@ -198,14 +198,14 @@ void listHandJoints(const Mechanism& body, Guess& guess) {
   }
 }
 
-struct PairCounts {
-  std::vector<LinkPair> always;
+/// Pairs of links, no neighbours, by whether they touch in the postures tried.
+struct SampledPairs {
+  std::vector<LinkPair> always, apart;  // in every posture; in some they do not
   int never = 0;
 };
 
 /// Random postures within the limits (continuous joints: one turn); each has its own stream.
-PairCounts sampleContacts(const Mechanism& body) {
-  const TouchingLinks models(body);
+SampledPairs sampleContacts(const Mechanism& body, const TouchingLinks& models) {
   const auto neighbours = neighbouringLinks(body);
   struct Undecided {
     LinkPair links;
@@ -235,12 +235,12 @@ PairCounts sampleContacts(const Mechanism& body) {
       (models.touch(pair.links.first, pair.links.second, X_BL) ? pair.touched : pair.apart) = true;
     }
   }
-  PairCounts counts;
+  SampledPairs sampled;
   for (const Undecided& pair : pairs) {
-    if (!pair.apart) counts.always.push_back(pair.links);
-    if (!pair.touched) ++counts.never;
+    (pair.apart ? sampled.apart : sampled.always).push_back(pair.links);
+    if (!pair.touched) ++sampled.never;
   }
-  return counts;
+  return sampled;
 }
 
 std::string armText(const std::string& urdfName, const Mechanism& body, const Guess& guess) {
@@ -272,26 +272,21 @@ struct Home {
 };
 
 /// The first of three guesses in which no links meet that are apart elsewhere; the first of all when they meet in each.
-Home guessHome(const Mechanism& body, const SemanticDescription& semantic, const std::vector<LinkPair>& always) {
+Home guessHome(const Mechanism& body, const SemanticDescription& semantic, const TouchingLinks& models,
+               const SampledPairs& sampled) {
   constexpr double kNearEnd = 0.05;  // of the way from one limit to the other
   const std::array<std::string, 3> reasons = {
       "joints at 0, or in the middle of limits that do not hold it",
       "joints at 0, or in the middle where 0 is at or beyond an end of the limits",
       "joints in the middle of their limits"};
-  const TouchingLinks models(body);
-  std::vector<LinkPair> mayTouch = neighbouringLinks(body);
-  mayTouch.insert(mayTouch.end(), always.begin(), always.end());
-  mayTouch.insert(mayTouch.end(), semantic.disabled.begin(), semantic.disabled.end());
   const auto isFree = [&](const Eigen::VectorXd& q) {
     std::vector<Eigen::Isometry3d> X_BL;
     forwardKinematics(body, followMimics(body, q), X_BL);
-    for (int b = 0; b < static_cast<int>(body.links.size()); ++b) {
-      for (int a = 0; a < b; ++a) {
-        const bool counts = std::find(mayTouch.begin(), mayTouch.end(), LinkPair(a, b)) == mayTouch.end();
-        if (counts && models.touch(a, b, X_BL)) return false;
-      }
-    }
-    return true;
+    return std::none_of(sampled.apart.begin(), sampled.apart.end(), [&](const LinkPair& pair) {
+      const bool isDisabled =
+          std::find(semantic.disabled.begin(), semantic.disabled.end(), pair) != semantic.disabled.end();
+      return !isDisabled && models.touch(pair.first, pair.second, X_BL);
+    });
   };
   Home first;
   for (std::size_t guess = 0; guess < reasons.size(); ++guess) {
@@ -313,8 +308,7 @@ Home guessHome(const Mechanism& body, const SemanticDescription& semantic, const
 }
 
 std::string homeText(const Mechanism& body, const SemanticDescription& semantic, const std::string& srdfPath,
-                     const std::vector<LinkPair>& always) {
-  const Home home = guessHome(body, semantic, always);
+                     const Home& home) {
   std::vector<std::string> entries;
   for (std::size_t j = 0; j < body.joints.size(); ++j) {
     if (body.joints[j].mimicOf >= 0) continue;
@@ -345,7 +339,7 @@ std::string speedText(const Mechanism& body) {
       kVelocity, fmt::join(velocities, ", "), kAcceleration);
 }
 
-std::string collisionText(const Mechanism& body, const SemanticDescription& semantic, const PairCounts& counts) {
+std::string collisionText(const Mechanism& body, const SemanticDescription& semantic, const SampledPairs& sampled) {
   std::string text;
   const auto neighbours = neighbouringLinks(body);
   std::vector<LinkPair> listed = neighbours;
@@ -357,12 +351,12 @@ std::string collisionText(const Mechanism& body, const SemanticDescription& sema
                           yamlName(body.links[pair.second].name), reason);
     }
   };
-  list(counts.always, "touch in every posture tried");
+  list(sampled.always, "touch in every posture tried");
   list(semantic.disabled, "disabled in the SRDF");
   return fmt::format(
       "# In {} random postures {} pairs of links never touched; they need no entry, nor do neighbours in the tree.\n"
       "allowed_collisions:{}{}",
-      kSamples, counts.never, text.empty() ? " []\n" : "\n", text);
+      kSamples, sampled.never, text.empty() ? " []\n" : "\n", text);
 }
 
 }  // namespace
@@ -378,11 +372,13 @@ std::string initialRobotConfig(const std::string& urdfPath, const std::string& s
     findFlange(body, guess);
   }
   const std::string urdfName = fs::path(urdfPath).filename().string();
-  const PairCounts counts = sampleContacts(body);
+  const TouchingLinks models(body);
+  const SampledPairs sampled = sampleContacts(body, models);
   return fmt::format("# Made from {}, to be saved beside it. Set `hand`, and check what was guessed.\nurdf: {}\n",
                      urdfName, yamlName(urdfName)) +
-         armText(urdfName, body, guess) + homeText(body, semantic, srdfPath, counts.always) + speedText(body) +
-         "clearance: 0.005   # m, kept by planned motions\n" + collisionText(body, semantic, counts);
+         armText(urdfName, body, guess) +
+         homeText(body, semantic, srdfPath, guessHome(body, semantic, models, sampled)) + speedText(body) +
+         "clearance: 0.005   # m, kept by planned motions\n" + collisionText(body, semantic, sampled);
 }
 
 }  // namespace handhold
