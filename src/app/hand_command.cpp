@@ -1,7 +1,9 @@
 #include "app/commands.h"
 #include "core/error.h"
+#include "core/file.h"
 #include "mesh/primitives.h"
 #include "simulate/hand_check.h"
+#include "view/colours.h"
 #include "view/hand_picture.h"
 #include "view/png.h"
 
@@ -69,12 +71,10 @@ std::string stopsText(const Hand& hand, const GraspTrial& trial) {
 void drawPreshapes(const Hand& hand, const HandCheck& check, const std::string& folder) {
   RenderSettings settings;
   settings.width = settings.height = 600;
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw SystemError(fmt::format("{}: cannot be created: {}", folder, error.message()));
+  createFolders(folder);
   for (std::size_t i = 0; i < check.preshapes.size(); ++i) {
     const GraspTrial& closed = check.preshapes[i].onSphere;
-    const ScenePart sphere{sphereMesh(check.sphereRadius), closed.X_OH.inverse(), {0.85, 0.36, 0.085}, false};
+    const ScenePart sphere{sphereMesh(check.sphereRadius), closed.X_OH.inverse(), kObjectColour, false};
     const fs::path file = fs::path(folder) / (check.preshapes[i].name + ".png");
     writePng(composeGrid({handPicture(hand, hand.preshapes[i].jointPosition, {}, settings),
                           handPicture(hand, closed.jointPosition, {sphere}, settings)},

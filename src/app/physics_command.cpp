@@ -1,11 +1,13 @@
 #include "app/commands.h"
 #include "core/error.h"
+#include "core/file.h"
 #include "core/log.h"
 
 #ifdef HANDHOLD_PHYSICS
 
 #include "physics/compare_groups.h"
 #include "physics/label_set.h"
+#include "view/colours.h"
 #include "view/grasp_picture.h"
 #include "view/png.h"
 
@@ -37,13 +39,9 @@ std::vector<PhysicsTest> testsOf(const PhysicsCommand& command) {
   return tests;
 }
 
-/// Of each object and hand the newest set.
-std::vector<SetFile> newestSets(const Database& database, const PhysicsCommand& command) {
-  std::vector<SetFile> sets;
-  for (SetFile& file : database.sets(command.objectGlob, command.handGlob)) {
-    const bool isNewer = !sets.empty() && sets.back().object == file.object && sets.back().hand == file.hand;
-    isNewer ? sets.back() = std::move(file) : sets.emplace_back(std::move(file));
-  }
+/// Of each object and hand the newest set. @throws InputError  there is none
+std::vector<SetFile> pickedSets(const Database& database, const PhysicsCommand& command) {
+  std::vector<SetFile> sets = database.newestSets(command.objectGlob, command.handGlob);
   if (sets.empty()) {
     throw InputError(fmt::format("{}: --object {} --hand {} picks no set", database.folder().string(),
                                  command.objectGlob, command.handGlob));
@@ -51,15 +49,10 @@ std::vector<SetFile> newestSets(const Database& database, const PhysicsCommand& 
   return sets;
 }
 
-/// What lies beside a set already, if it can be used.
-std::optional<PhysicsSet> knownResults(const fs::path& setPath, const GraspSet& set) {
-  if (!fs::exists(physicsPath(setPath))) return std::nullopt;
-  try {
-    return readPhysicsOf(setPath, set.inputHash, set.setVersion, set.graspCount());
-  } catch (const InputError& error) {
-    logWarning(fmt::format("{}; simulated anew", error.what()));
-    return std::nullopt;
-  }
+void requireMass(const SimulatedSet& set, const fs::path& path, const std::vector<PhysicsTest>& tests) {
+  if (set.model().knowsMass() || tests.back() == PhysicsTest::pull) return;
+  throw InputError(
+      fmt::format("{}: its job gives the object no mass, want one for --test weight or lift", path.string()));
 }
 
 std::string heldText(const PhysicsSet& physics) {
@@ -78,11 +71,9 @@ bool label(const SetFile& file, const PhysicsCommand& command, SetLoader& loader
   const std::string name = fmt::format("{} x {}", file.object, file.hand);
   progress.begin(name, finished);
   LabelRequest request{testsOf(command), command.top};
-  if (!set->model().knowsMass() && request.tests.back() != PhysicsTest::pull) {
-    throw InputError(fmt::format("{}: its job gives {} no mass, want one for --test weight or lift", file.path.string(),
-                                 file.object));
-  }
-  const std::optional<PhysicsSet> known = knownResults(file.path, set->set());
+  requireMass(*set, file.path, request.tests);
+  const std::optional<PhysicsSet> known =
+      physicsOf(file.path, set->set().inputHash, set->set().setVersion, set->set().graspCount());
   const std::size_t wanted = std::min(command.top.value_or(set->set().graspCount()), set->set().graspCount());
   if (known && known->settings == settingsText(*set, request.tests) && known->graspCount() >= wanted) {
     fmt::print("{}: unchanged, held: {}\n", name, heldText(*known));
@@ -117,7 +108,7 @@ std::size_t countGrasps(const std::vector<SetFile>& files, const PhysicsCommand&
 }
 
 int labelSets(const PhysicsCommand& command, const Database& database) {
-  const std::vector<SetFile> files = newestSets(database, command);
+  const std::vector<SetFile> files = pickedSets(database, command);
   const std::atomic<bool>& stop = stopOnSignals();
   const JobSystem jobs(command.threads);
   SetLoader loader(command.friction);
@@ -140,9 +131,7 @@ class Pictures {
  public:
   Pictures(const SimulatedSet& set, std::size_t grasp, const fs::path& folder)
       : set_(set.set()), folder_(folder), toEye_(graspView(set_, grasp, graspScene(set_, grasp))) {
-    std::error_code error;
-    fs::create_directories(folder_, error);
-    if (error) throw SystemError(fmt::format("{}: cannot be created: {}", folder_.string(), error.message()));
+    createFolders(folder_);
     settings_.width = 480, settings_.height = 360;
   }
 
@@ -152,10 +141,10 @@ class Pictures {
     // Drawn with the hand where the grasp has it, as the camera looks at the object frame.
     const Eigen::Isometry3d X_OW = first_ ? *first_ : frame.X_WO.inverse();
     first_ = X_OW;
-    std::vector<ScenePart> scene{{set_.objectMesh, X_OW * frame.X_WO, {0.85, 0.36, 0.085}, false}};
+    std::vector<ScenePart> scene{{set_.objectMesh, X_OW * frame.X_WO, kObjectColour, false}};
     for (std::size_t i = 0; i < frame.X_WL.size(); ++i) {
       if (set_.linkMeshes[i].triangles.empty()) continue;
-      scene.push_back({set_.linkMeshes[i], X_OW * frame.X_WL[i], {0.30, 0.33, 0.37}, false});
+      scene.push_back({set_.linkMeshes[i], X_OW * frame.X_WL[i], kLinkColour, false});
     }
     if (!camera_) camera_ = frameScene(scene, toEye_, 4.0 / 3);
     writePng(render(scene, *camera_, settings_), folder_ / fmt::format("{:03}.png", count_++));
@@ -182,9 +171,8 @@ void printResult(const TestResult& result) {
              settled.rotation / kDegree, 1e3 * settled.penetration);
   for (std::size_t k = 0; k < result.directions.size(); ++k) {
     const DirectionResult& direction = result.directions[k];
-    constexpr const char* kWays[] = {"+x", "-x", "+y", "-y", "+z", "-z"};
     fmt::print("  {}: {:<8} moved {:6.2f} mm, turned {:6.2f} degrees, {:.2f} mm deep{}\n",
-               result.test == PhysicsTest::lift ? "up" : kWays[k],
+               result.test == PhysicsTest::lift ? "up" : kPullNames[k],
                kPhysicsOutcomeNames[static_cast<std::size_t>(direction.outcome)], 1e3 * direction.displacement,
                direction.rotation / kDegree, 1e3 * direction.penetration,
                std::isfinite(direction.fallSeconds) ? fmt::format(", after {:.2f} s", direction.fallSeconds) : "");
@@ -196,14 +184,13 @@ std::optional<bool> repeats(const PhysicsSet& stored, std::uint32_t grasp, const
   const auto row = std::lower_bound(stored.grasp.begin(), stored.grasp.end(), grasp);
   if (row == stored.grasp.end() || *row != grasp || stored.settings != again.settings) return std::nullopt;
   const auto at = row - stored.grasp.begin();
-  const auto same = [&](auto member) {
-    const auto width = static_cast<std::ptrdiff_t>((again.*member).size());
-    return std::equal((again.*member).begin(), (again.*member).end(), (stored.*member).begin() + at * width);
-  };
-  return same(&PhysicsSet::settledClosed) && same(&PhysicsSet::settledContacts) && same(&PhysicsSet::outcome) &&
-         same(&PhysicsSet::settledDisplacement) && same(&PhysicsSet::settledRotation) &&
-         same(&PhysicsSet::settledPenetration) && same(&PhysicsSet::squeeze) && same(&PhysicsSet::displacement) &&
-         same(&PhysicsSet::rotation) && same(&PhysicsSet::fallSeconds) && same(&PhysicsSet::penetration);
+  bool same = true;
+  forEachPhysicsArray([&](const char*, auto member, std::string_view) {
+    const auto& now = again.*member;
+    same = same &&
+           std::equal(now.begin(), now.end(), (stored.*member).begin() + at * static_cast<std::ptrdiff_t>(now.size()));
+  });
+  return same;
 }
 
 int replay(const PhysicsCommand& command) {
@@ -215,10 +202,7 @@ int replay(const PhysicsCommand& command) {
         fmt::format("{}: grasp {} does not exist, the set holds {}", name.path, name.grasp, set->set().graspCount()));
   }
   const std::vector<PhysicsTest> tests = testsOf(command);
-  if (!set->model().knowsMass() && tests.back() != PhysicsTest::pull) {
-    throw InputError(
-        fmt::format("{}: its job gives the object no mass, want one for --test weight or lift", name.path));
-  }
+  requireMass(*set, name.path, tests);
   std::optional<Pictures> pictures;
   if (!command.pictures.empty()) pictures.emplace(*set, name.grasp, command.pictures);
   GraspSimulator simulator(set->model());
@@ -291,7 +275,7 @@ void printHand(const std::string& hand, const std::vector<GroupTable>& tables) {
 }
 
 int compareSets(const PhysicsCommand& command, const Database& database) {
-  const std::vector<SetFile> files = newestSets(database, command);
+  const std::vector<SetFile> files = pickedSets(database, command);
   const std::atomic<bool>& stop = stopOnSignals();
   const JobSystem jobs(command.threads);
   SetLoader loader(command.friction);
@@ -335,7 +319,7 @@ int checkShapes(const PhysicsCommand& command, const Database& database) {
   ShapeAgreement all;
   fmt::print("| object | hand | pieces | shape error p95, most [mm] | held by field | by pieces | agree |\n");
   fmt::print("|---|---|---|---|---|---|---|\n");
-  for (const SetFile& file : newestSets(database, command)) {
+  for (const SetFile& file : pickedSets(database, command)) {
     const std::unique_ptr<SimulatedSet> set = loader.load(file.path);
     const std::size_t pieces = set->makePieces();
     const auto found = comparer.compareShapes(*set, *command.pieces, command.seed, jobs, stop);

@@ -5,7 +5,6 @@
 #include "view/report_sets.h"
 
 #include <algorithm>
-#include <map>
 
 #include <fmt/format.h>
 
@@ -16,18 +15,6 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kGraspsOfAPage = 50'000;  // 20 MB of a page; without --top the sets share them
 constexpr std::size_t kFewestOfASet = 100;
-
-/// The newest version of every object and hand that the patterns pick.
-std::vector<SetFile> newestSets(const ReportCommand& command, const Database& database) {
-  std::map<std::pair<std::string, std::string>, SetFile> newest;
-  for (const SetFile& file : database.sets(command.objectGlob, command.handGlob)) {
-    SetFile& known = newest[{file.object, file.hand}];
-    if (file.version > known.version) known = file;
-  }
-  std::vector<SetFile> sets;
-  for (const auto& [names, file] : newest) sets.push_back(file);
-  return sets;
-}
 
 /// Of each grasp, the share of loads that it bore in simulation; empty when nothing of the set was simulated.
 std::vector<float> sharesHeld(const GraspSet& set, const fs::path& path) {
@@ -40,7 +27,7 @@ std::vector<float> sharesHeld(const GraspSet& set, const fs::path& path) {
 }  // namespace
 
 int runReport(const ReportCommand& command, const Database& database) {
-  const std::vector<SetFile> sets = newestSets(command, database);
+  const std::vector<SetFile> sets = database.newestSets(command.objectGlob, command.handGlob);
   if (sets.empty()) {
     throw InputError(fmt::format("{}: has no set of object \"{}\" and hand \"{}\", want at least one (see list)",
                                  database.folder().string(), command.objectGlob, command.handGlob));

@@ -228,9 +228,7 @@ int runSubmit(const SubmitCommand& command, const Database& database) {
                summaryCommand(command, submission, "ARRAY_ID"));
     return kExitDone;
   }
-  std::error_code error;
-  fs::create_directories(submission.folder / "log", error);
-  if (error) throw SystemError(fmt::format("{}: cannot be created: {}", submission.folder.string(), error.message()));
+  createFolders(submission.folder / "log");
   writeScript(submission.folder / "array.sh", arrayScript(submission));
   writeScript(submission.folder / "summary.sh", summaryScript(submission));
   const std::string array = runSbatch(arrayCommand(command, submission, shards));

@@ -104,6 +104,12 @@ void replaceFile(const fs::path& temporary, const fs::path& target) {
   syncFolderOf(target);
 }
 
+void createFolders(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw SystemError(fmt::format("{}: cannot be created: {}", folder.string(), error.message()));
+}
+
 fs::path temporaryName(const fs::path& folder) {
   static std::atomic<unsigned> counter{0};
   // Builders on several machines share the folder.

@@ -21,6 +21,9 @@ void replaceContent(const std::filesystem::path& target, std::string_view conten
 /// As publishFile, but an existing `target` is replaced in one step: readers see the old file or the new one.
 void replaceFile(const std::filesystem::path& temporary, const std::filesystem::path& target);
 
+/// Creates the folder and those above it. @throws SystemError  `PATH: cannot be created: REASON`
+void createFolders(const std::filesystem::path& folder);
+
 /// A name that is free in `folder`, starts with a dot and is unique to this process and call.
 std::filesystem::path temporaryName(const std::filesystem::path& folder);
 

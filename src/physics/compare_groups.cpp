@@ -66,11 +66,6 @@ FailureCause causeOf(const TestResult& result, const PhysicsSettings& settings) 
   return settled.closed ? FailureCause::slipped : FailureCause::notClosed;
 }
 
-bool isHeld(const TestResult& result) {
-  return std::all_of(result.directions.begin(), result.directions.end(),
-                     [](const DirectionResult& each) { return each.outcome == PhysicsOutcome::held; });
-}
-
 void count(const TestResult& result, const PhysicsSettings& settings, GroupResult& group) {
   const bool held = isHeld(result);
   group.grasps += 1;
@@ -81,6 +76,15 @@ void count(const TestResult& result, const PhysicsSettings& settings, GroupResul
   } else {
     group.causes[static_cast<std::size_t>(causeOf(result, settings))] += 1;
   }
+}
+
+/// The postures of all groups, group after group.
+std::vector<const GraspPosture*> inARow(const std::array<std::vector<GraspPosture>, kGraspGroupNames.size()>& groups) {
+  std::vector<const GraspPosture*> postures;
+  for (const auto& group : groups) {
+    for (const GraspPosture& posture : group) postures.push_back(&posture);
+  }
+  return postures;
 }
 
 /// The pull of every posture, in their order.
@@ -130,10 +134,7 @@ std::array<std::vector<GraspPosture>, kGraspGroupNames.size()> GroupComparer::dr
 std::optional<GroupTable> GroupComparer::compare(const SimulatedSet& set, std::size_t count, std::uint64_t seed,
                                                  const JobSystem& jobs, const std::atomic<bool>& cancel) {
   const auto groups = draw(set, {count, count, count, count}, seed, cancel);
-  std::vector<const GraspPosture*> postures;
-  for (const auto& group : groups) {
-    for (const GraspPosture& posture : group) postures.push_back(&posture);
-  }
+  const std::vector<const GraspPosture*> postures = inARow(groups);
   const std::vector<TestResult> results = pullAll(set.model(), postures, jobs, cancel);
   if (cancel) return std::nullopt;
   GroupTable table;
@@ -148,10 +149,7 @@ std::optional<ShapeAgreement> GroupComparer::compareShapes(const SimulatedSet& s
                                                            std::uint64_t seed, const JobSystem& jobs,
                                                            const std::atomic<bool>& cancel) {
   const auto groups = draw(set, {0, (count + 1) / 2, count / 2, 0}, seed, cancel);
-  std::vector<const GraspPosture*> postures;
-  for (const auto& group : groups) {
-    for (const GraspPosture& posture : group) postures.push_back(&posture);
-  }
+  const std::vector<const GraspPosture*> postures = inARow(groups);
   const std::vector<TestResult> byField = pullAll(set.model(), postures, jobs, cancel);
   const std::vector<TestResult> byPieces = pullAll(set.pieceModel(), postures, jobs, cancel);
   if (cancel) return std::nullopt;

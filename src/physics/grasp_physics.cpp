@@ -3,6 +3,7 @@
 #include "core/error.h"
 #include "quality/force_closure.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -127,6 +128,11 @@ double turnBetween(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
 std::string mujocoVersion() {
   const int version = mj_version();
   return fmt::format("{}.{}.{}", version / 100, version / 10 % 10, version % 10);
+}
+
+bool isHeld(const TestResult& result) {
+  return std::all_of(result.directions.begin(), result.directions.end(),
+                     [](const DirectionResult& each) { return each.outcome == PhysicsOutcome::held; });
 }
 
 LinkSolids linkSolids(const Hand& hand) {

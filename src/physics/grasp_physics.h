@@ -63,8 +63,13 @@ struct SettledResult {
 struct TestResult {
   PhysicsTest test = PhysicsTest::pull;
   SettledResult settled;
-  std::vector<DirectionResult> directions;  // six, +x -x +y -y +z -z of O; one of a lift
+  std::vector<DirectionResult> directions;  // six, as kPullNames; one of a lift
 };
+/// Axes of O along which a load pulls.
+inline constexpr std::array<std::string_view, 6> kPullNames = {"+x", "-x", "+y", "-y", "+z", "-z"};
+
+/// Was the object held in every direction?
+bool isHeld(const TestResult& result);
 
 /// Where everything is at one moment: in the frame of the world, which is the hand's root link H, for a lift O.
 struct PhysicsFrame {

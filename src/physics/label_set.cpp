@@ -66,18 +66,9 @@ class Chunks {
 
 /// Adds the rows of `part` after those of `whole`.
 void appendRows(const PhysicsSet& part, PhysicsSet& whole) {
-  const auto join = [&](auto member) {
+  forEachPhysicsArray([&](const char*, auto member, std::string_view) {
     (whole.*member).insert((whole.*member).end(), (part.*member).begin(), (part.*member).end());
-  };
-  join(&PhysicsSet::grasp);
-  join(&PhysicsSet::settledClosed);
-  join(&PhysicsSet::settledContacts);
-  for (const auto member : {&PhysicsSet::settledDisplacement, &PhysicsSet::settledRotation,
-                            &PhysicsSet::settledPenetration, &PhysicsSet::squeeze, &PhysicsSet::displacement,
-                            &PhysicsSet::rotation, &PhysicsSet::fallSeconds, &PhysicsSet::penetration}) {
-    join(member);
-  }
-  join(&PhysicsSet::outcome);
+  });
 }
 
 /// The rows [begin, end) of results that have them all; nothing else.
@@ -88,30 +79,12 @@ std::optional<PhysicsSet> takeRows(const PhysicsSet& from, const PhysicsSet& emp
   if (at + (end - begin) > from.graspCount() || from.grasp[at] != begin || from.grasp[at + end - begin - 1] != end - 1)
     return std::nullopt;
   PhysicsSet part = empty;
-  const auto take = [&](auto member, std::size_t width) {
-    const auto from0 = (from.*member).begin() + static_cast<std::ptrdiff_t>(at * width);
-    (part.*member).assign(from0, from0 + static_cast<std::ptrdiff_t>((end - begin) * width));
-  };
-  const std::size_t tests = empty.testNames.size(), directions = empty.directionNames.size();
-  take(&PhysicsSet::grasp, 1);
-  take(&PhysicsSet::settledClosed, tests);
-  take(&PhysicsSet::settledContacts, tests);
-  for (const auto member : {&PhysicsSet::settledDisplacement, &PhysicsSet::settledRotation,
-                            &PhysicsSet::settledPenetration, &PhysicsSet::squeeze}) {
-    take(member, tests);
-  }
-  for (const auto member :
-       {&PhysicsSet::displacement, &PhysicsSet::rotation, &PhysicsSet::fallSeconds, &PhysicsSet::penetration}) {
-    take(member, directions);
-  }
-  take(&PhysicsSet::outcome, directions);
+  forEachPhysicsArray([&](const char*, auto member, std::string_view) {
+    const std::size_t width = (from.*member).size() / from.graspCount();
+    const auto row = (from.*member).begin() + static_cast<std::ptrdiff_t>(at * width);
+    (part.*member).assign(row, row + static_cast<std::ptrdiff_t>((end - begin) * width));
+  });
   return part;
-}
-
-bool isHeld(const std::vector<TestResult>& results) {
-  const auto& directions = results.front().directions;
-  return std::all_of(directions.begin(), directions.end(),
-                     [](const DirectionResult& each) { return each.outcome == PhysicsOutcome::held; });
 }
 
 }  // namespace
@@ -148,7 +121,7 @@ PhysicsSet emptyPhysics(const SimulatedSet& set, const std::vector<PhysicsTest>&
     if (test == PhysicsTest::lift) {
       physics.directionNames.push_back(name);
     } else {
-      for (const char* way : {"+x", "-x", "+y", "-y", "+z", "-z"}) physics.directionNames.push_back(name + " " + way);
+      for (const std::string_view way : kPullNames) physics.directionNames.push_back(fmt::format("{} {}", name, way));
     }
   }
   return physics;
@@ -197,7 +170,7 @@ std::optional<PhysicsSet> labelSet(const SimulatedSet& set, const LabelRequest& 
             const GraspPosture posture = set.posture(begin + i);
             for (const PhysicsTest test : request.tests) results[i].push_back(simulators[worker].run(posture, test));
             ++counters.trials;
-            if (isHeld(results[i])) ++counters.forceClosed;
+            if (isHeld(results[i].front())) ++counters.forceClosed;
           },
           &cancel);
       if (cancel) return std::nullopt;

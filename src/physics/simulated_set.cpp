@@ -34,19 +34,18 @@ SimulatedSet::SimulatedSet(GraspSet set, const Hand& hand, LinkSolids links, std
     : set_(std::move(set)),
       mass_(catalogMass(set_.job, set_.object)),
       shapeError_(surfaceError(*object)),
+      properties_(massProperties(set_.objectMesh, isWatertight(set_.objectMesh))),
       links_(std::move(links)),
       object_(std::move(object)) {
   settings_.world.friction = friction.value_or(kFrictionRatio * set_.friction);
-  const MassProperties properties = massProperties(set_.objectMesh, isWatertight(set_.objectMesh));
-  model_ = std::make_unique<PhysicsModel>(hand, links_, object_, properties, mass_, settings_);
+  model_ = std::make_unique<PhysicsModel>(hand, links_, object_, properties_, mass_, settings_);
 }
 
 std::size_t SimulatedSet::makePieces() {
-  const MassProperties properties = massProperties(set_.objectMesh, isWatertight(set_.objectMesh));
   std::vector<ConvexPiece> pieces = convexPieces(set_.objectMesh);
   const std::size_t count = pieces.size();
   pieceModel_ =
-      std::make_unique<PhysicsModel>(model_->hand(), links_, object_, properties, mass_, settings_, std::move(pieces));
+      std::make_unique<PhysicsModel>(model_->hand(), links_, object_, properties_, mass_, settings_, std::move(pieces));
   return count;
 }
 

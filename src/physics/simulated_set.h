@@ -39,6 +39,7 @@ class SimulatedSet {
   GraspSet set_;
   double mass_;
   SurfaceError shapeError_;
+  MassProperties properties_;  // at density 1
   PhysicsSettings settings_;
   LinkSolids links_;
   std::shared_ptr<const Solid> object_;

@@ -112,6 +112,15 @@ fs::path Database::setPath(const std::string& object, const std::string& hand, i
   return folder_ / object / hand / fmt::format("v{:04}.h5", version);
 }
 
+std::vector<SetFile> Database::newestSets(const std::string& objectGlob, const std::string& handGlob) const {
+  std::vector<SetFile> newest;
+  for (SetFile& file : sets(objectGlob, handGlob)) {
+    const bool isNewer = !newest.empty() && newest.back().object == file.object && newest.back().hand == file.hand;
+    isNewer ? newest.back() = std::move(file) : newest.emplace_back(std::move(file));
+  }
+  return newest;
+}
+
 int Database::newestVersion(const std::string& object, const std::string& hand) const {
   int newest = 0;
   for (const fs::directory_entry& entry : entries(setPath(object, hand, 0).parent_path())) {
@@ -123,9 +132,7 @@ int Database::newestVersion(const std::string& object, const std::string& hand) 
 fs::path Database::write(GraspSet set) const {
   const fs::path folder = setPath(set.object, set.hand, 0).parent_path();
   checkGraspSet(set, fmt::format("set {}/{}", set.object, set.hand));
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) fail(folder, "cannot be created", error.message());
+  createFolders(folder);
   set.setVersion = newestVersion(set.object, set.hand);
   while (true) {
     // The version is part of the bytes, so a set whose number was taken meanwhile is encoded anew.

@@ -76,6 +76,8 @@ class Database {
   /// Those whose names match the shell patterns, in the same order.
   /// @throws InputError  as requireFolder()
   std::vector<SetFile> sets(const std::string& objectGlob = "*", const std::string& handGlob = "*") const;
+  /// Of each object and hand the newest of them.
+  std::vector<SetFile> newestSets(const std::string& objectGlob = "*", const std::string& handGlob = "*") const;
 
   /// What `list` shows, in the order of files(): from the index where its row is up to date, else from the set.
   /// A set that cannot be read is left out and a line about it added to `failures`.

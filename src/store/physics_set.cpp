@@ -20,23 +20,6 @@ namespace fs = std::filesystem;
 constexpr std::string_view kMagic = "HANDHOLD PHYSICS RESULTS 1\n";
 constexpr std::size_t kBlockBytes = 512, kHashLength = 32;
 
-/// visit(PATH, MEMBER, SYMBOLS): m grasps, T tests, D directions.
-template <class Visit>
-void forEachArray(const Visit& visit) {
-  visit("/grasp", &PhysicsSet::grasp, "m");
-  visit("/settled/closed", &PhysicsSet::settledClosed, "mT");
-  visit("/settled/contacts", &PhysicsSet::settledContacts, "mT");
-  visit("/settled/displacement", &PhysicsSet::settledDisplacement, "mT");
-  visit("/settled/rotation", &PhysicsSet::settledRotation, "mT");
-  visit("/settled/penetration", &PhysicsSet::settledPenetration, "mT");
-  visit("/settled/squeeze", &PhysicsSet::squeeze, "mT");
-  visit("/load/outcome", &PhysicsSet::outcome, "mD");
-  visit("/load/displacement", &PhysicsSet::displacement, "mD");
-  visit("/load/rotation", &PhysicsSet::rotation, "mD");
-  visit("/load/fall_seconds", &PhysicsSet::fallSeconds, "mD");
-  visit("/load/penetration", &PhysicsSet::penetration, "mD");
-}
-
 template <class Visit>
 void forEachAttribute(const Visit& visit) {
   visit("object", &PhysicsSet::object);
@@ -63,7 +46,7 @@ Shape shapeOf(const PhysicsSet& physics, std::string_view symbols) {
 
 void check(const PhysicsSet& physics, const std::string& where) {
   const auto refuse = [&](const std::string& message) { throw InputError(fmt::format("{}: {}", where, message)); };
-  forEachArray([&](const char* path, auto member, std::string_view symbols) {
+  forEachPhysicsArray([&](const char* path, auto member, std::string_view symbols) {
     const Shape shape = shapeOf(physics, symbols);
     std::size_t count = 1;
     for (const std::size_t length : shape) count *= length;
@@ -95,7 +78,7 @@ std::string encode(const PhysicsSet& physics) {
     }
   });
   for (const char* group : {"/settled", "/load"}) file.addGroup(group);
-  forEachArray([&](const char* path, auto member, std::string_view symbols) {
+  forEachPhysicsArray([&](const char* path, auto member, std::string_view symbols) {
     file.addArray(path, shapeOf(physics, symbols), physics.*member);
   });
   file.setTexts("/load/outcome", "names", physics.outcomeNames);
@@ -142,7 +125,7 @@ PhysicsSet readPhysics(const fs::path& path) {
   physics.outcomeNames = file.textsAttribute("/load/outcome", "names");
   physics.directionNames = file.textsAttribute("/load", "directions");
   physics.testNames = file.textsAttribute("/settled", "tests");
-  forEachArray([&](const char* name, auto member, std::string_view symbols) {
+  forEachPhysicsArray([&](const char* name, auto member, std::string_view symbols) {
     Shape shape;
     physics.*member = file.array<typename std::decay_t<decltype(physics.*member)>::value_type>(name, shape);
     const Shape wanted = shapeOf(physics, symbols);

@@ -38,6 +38,23 @@ struct PhysicsSet {
   std::size_t graspCount() const { return grasp.size(); }
 };
 
+/// Of every array of results visit(PATH, MEMBER, SYMBOLS): `m` grasps by `T` tests or `D` directions.
+template <class Visit>
+void forEachPhysicsArray(const Visit& visit) {
+  visit("/grasp", &PhysicsSet::grasp, "m");
+  visit("/settled/closed", &PhysicsSet::settledClosed, "mT");
+  visit("/settled/contacts", &PhysicsSet::settledContacts, "mT");
+  visit("/settled/displacement", &PhysicsSet::settledDisplacement, "mT");
+  visit("/settled/rotation", &PhysicsSet::settledRotation, "mT");
+  visit("/settled/penetration", &PhysicsSet::settledPenetration, "mT");
+  visit("/settled/squeeze", &PhysicsSet::squeeze, "mT");
+  visit("/load/outcome", &PhysicsSet::outcome, "mD");
+  visit("/load/displacement", &PhysicsSet::displacement, "mD");
+  visit("/load/rotation", &PhysicsSet::rotation, "mD");
+  visit("/load/fall_seconds", &PhysicsSet::fallSeconds, "mD");
+  visit("/load/penetration", &PhysicsSet::penetration, "mD");
+}
+
 /// `physics-v<NNNN>.h5` beside the set.
 std::filesystem::path physicsPath(const std::filesystem::path& set);
 

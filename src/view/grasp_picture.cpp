@@ -4,6 +4,7 @@
 #include "hand/stored_hand.h"
 #include "mesh/primitives.h"
 #include "mesh/ray_scene.h"
+#include "view/colours.h"
 
 #include <algorithm>
 #include <cmath>
@@ -16,13 +17,6 @@ namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
-
-// Linear colours.
-const Vector3d kObjectColour(0.85, 0.36, 0.085);
-const Vector3d kPalmColour(0.10, 0.135, 0.19);
-const Vector3d kLinkColour(0.30, 0.33, 0.37);
-const Vector3d kTouchingColour(0.17, 0.31, 0.55);
-const Vector3d kContactColour(0.80, 0.012, 0.03);
 
 constexpr double kMarkRadius = 0.012;  // of the radius of object and hand together
 constexpr double kConeLength = 0.075;  // of the same

@@ -1,18 +1,13 @@
 #include "view/hand_picture.h"
 
 #include "mesh/primitives.h"
+#include "view/colours.h"
 
 namespace handhold {
 namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
-
-// Linear colours, as in pictures of grasps.
-const Vector3d kPalmColour(0.10, 0.135, 0.19);
-const Vector3d kLinkColour(0.30, 0.33, 0.37);
-const Vector3d kApproachColour(0.02, 0.12, 0.80);
-const Vector3d kClosingColour(0.80, 0.012, 0.03);
 
 constexpr double kPinLength = 0.35;  // of the hand's radius
 constexpr double kPinRadius = 0.012;

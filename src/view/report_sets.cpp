@@ -25,10 +25,10 @@ std::vector<float> firstRows(const std::vector<T>& array, std::size_t rows, std:
   return {array.begin(), array.begin() + static_cast<std::ptrdiff_t>(rows * width)};
 }
 
-/// A number that every grasp has: shown, plotted and filtered by. Left out where no grasp has it.
 /// What a histogram spans: the values that there are, or 0 to 1.
 enum class Scale { values, share };
 
+/// A number that every grasp has: shown, plotted and filtered by. Left out where no grasp has it.
 void addColumn(Json& columns, const char* key, const char* label, const char* brief, const char* unit,
                const char* meaning, const std::vector<float>& values, Scale scale = Scale::values) {
   if (std::none_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); })) return;

@@ -20,11 +20,6 @@ using handhold::testing::sphereObject;
 
 constexpr double kOwnMass = 0.3;  // kg
 
-bool isHeld(const TestResult& result) {
-  return std::all_of(result.directions.begin(), result.directions.end(),
-                     [](const auto& each) { return each.outcome == PhysicsOutcome::held; });
-}
-
 /// The coupled jaw on an object 40 mm wide, its origin 30 mm in front of the palm.
 class JawPhysics : public ::testing::Test {
  protected:
