@@ -1,0 +1,1 @@
+// The compiler makes the precompiled headers along with this file.
