@@ -1,6 +1,7 @@
 #include "app/commands.h"
 #include "build/build_set.h"
 #include "core/error.h"
+#include "quality/true_cone.h"
 #include "simulate/actuation.h"
 
 #include <fmt/format.h>
@@ -55,7 +56,8 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
   const auto policy = makePolicy(job, hand, object.model, fields);
   Evaluation result;
   StageSeconds seconds;
-  Cones cones(wrenchModel(job, item, object.model, hand));
+  const WrenchModel model = wrenchModel(job, item, object.model, hand);
+  Cones cones(model);
   evaluate(*policy, candidate, cones, result, seconds);
 
   const std::size_t preshapes = hand.preshapes.size();
@@ -80,8 +82,10 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
              kOutcomeNames[static_cast<int>(result.trial.outcome)], result.epsilon, contactModel(hand.torsionRadius),
              item.friction, job.coneEdges);
   if (result.trial.outcome == GraspOutcome::forceClosed) {
-    fmt::print("on the true cone epsilon is {:.6f} to {:.6f}, and force closure needs friction {:.4f}\n",
-               result.bounds.lower, result.bounds.upper, result.criticalFriction);
+    TrueCones trueCones(model);
+    const EpsilonBounds bounds = trueCones.epsilonBounds(result.trial.contacts);
+    fmt::print("on the true cone epsilon is {:.6f} to {:.6f}, and force closure needs friction {:.4f}\n", bounds.lower,
+               bounds.upper, trueCones.criticalFriction(result.trial.contacts).friction);
     printLoadMargin(job, item, hand, object.model, result.trial);
     fmt::print("the straight approach from outside is {}\n", result.approachClear ? "free" : "blocked by the object");
   }
@@ -94,7 +98,7 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
         d[2], d[3], d[4], d[5]);
   }
   fmt::print("{} collision tests, {:.2f} ms\n", result.trial.collisionQueries,
-             1e3 * (seconds.policy + seconds.forceClosure + seconds.epsilon + seconds.approach + seconds.bounds));
+             1e3 * (seconds.policy + seconds.forceClosure + seconds.epsilon + seconds.approach));
   return kExitDone;
 }
 

@@ -44,6 +44,7 @@ nlohmann::ordered_json toJson(const CostRates& r) {
   return {{"sets", r.sets},
           {"seconds_per_set", r.secondsPerSet},
           {"seconds_per_trial", r.secondsPerTrial},
+          {"seconds_per_grasp", r.secondsPerGrasp},
           {"seconds_once", r.secondsOnce},
           {"share_force_closed", r.shareForceClosed},
           {"bytes_per_set", r.bytesPerSet},
@@ -87,10 +88,10 @@ void printTable(const std::vector<PlannedSet>& plan, const std::vector<HandEstim
   for (const HandEstimate& e : estimates) {
     const CostRates& r = e.rates;
     printRow(e.hand, e,
-             fmt::format("{}: {:.3f} ms a trial, {:.0f} % force closed, {:.0f} bytes a grasp",
+             fmt::format("{}: {:.3f} ms a trial, {:.0f} % force closed, {:.3f} ms and {:.0f} bytes a grasp",
                          r.sets > 0 ? fmt::format("{} set{} of this database", r.sets, r.sets == 1 ? "" : "s")
                                     : "no set here, so a guess from jobs/demo.yaml",
-                         1e3 * r.secondsPerTrial, 100 * r.shareForceClosed, r.bytesPerGrasp));
+                         1e3 * r.secondsPerTrial, 100 * r.shareForceClosed, 1e3 * r.secondsPerGrasp, r.bytesPerGrasp));
   }
   const HandEstimate total = totalOf(estimates);
   printRow("all", total, "");

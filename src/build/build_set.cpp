@@ -1,6 +1,6 @@
 #include "build/build_set.h"
 
-#include "build/ranked_quality.h"
+#include "build/kept_quality.h"
 #include "build/timing.h"
 #include "core/hash.h"
 #include "core/log.h"
@@ -211,16 +211,18 @@ void TrialRun::runSample(SetWorker& worker, std::size_t sample) {
   if (++done_[chunk] == samplesOf(chunk).size() && done_.size() > 1) checkpoint_.write(chunk, samplesOf(chunk));
 }
 
-/// The load margin and the robustness of the first grasps, one grasp a work item.
-void rankQuality(const Job& job, const Hand& hand, const WrenchModel& model, const JobSystem& jobs,
-                 const std::atomic<bool>& cancel, std::vector<SetWorker>& workers, std::vector<KeptGrasp>& grasps,
-                 GraspSet& set) {
-  std::vector<RankedQuality> ranked;
-  for (std::size_t i = 0; i < workers.size(); ++i) ranked.emplace_back(job, hand, model, setKey(set));
+/// What kept grasps alone have, one grasp a work item.
+void completeGrasps(const Job& job, const Hand& hand, const WrenchModel& model, const JobSystem& jobs,
+                    const std::atomic<bool>& cancel, std::vector<SetWorker>& workers, std::vector<KeptGrasp>& grasps,
+                    GraspSet& set) {
+  std::vector<KeptQuality> qualities;
+  for (std::size_t i = 0; i < workers.size(); ++i) qualities.emplace_back(job, hand, model, setKey(set));
   jobs.run(
-      std::min(grasps.size(), ranked[0].rows()), 1,
-      [&](int worker, std::size_t row) { ranked[worker].compute(row, *workers[worker].policy, grasps[row]); }, &cancel);
-  for (const RankedQuality& quality : ranked) {
+      grasps.size(), 1,
+      [&](int worker, std::size_t row) { qualities[worker].compute(row, *workers[worker].policy, grasps[row]); },
+      &cancel);
+  for (const KeptQuality& quality : qualities) {
+    set.seconds["bounds"] += quality.boundsSeconds;
     set.seconds["load_margin"] += quality.loadSeconds;
     set.seconds["robustness"] += quality.robustnessSeconds;
   }
@@ -232,7 +234,6 @@ void setTimings(const SampledObject& object, const StageSeconds& seconds, GraspS
   set.seconds["force_closure"] = seconds.forceClosure;
   set.seconds["epsilon"] = seconds.epsilon;
   set.seconds["approach"] = seconds.approach;
-  set.seconds["bounds"] = seconds.bounds;
   char host[256] = {};
   ::gethostname(host, sizeof host - 1);
   set.host = host;
@@ -343,9 +344,6 @@ KeptGrasp keptGrasp(std::size_t trial, const Evaluation& evaluation) {
           evaluation.trial.X_OH,
           evaluation.trial.backoff,
           evaluation.approachClear,
-          evaluation.bounds.lower,
-          evaluation.bounds.upper,
-          evaluation.criticalFriction,
           evaluation.trial.jointPosition,
           evaluation.trial.contacts,
           evaluation.trial.centering};
@@ -376,7 +374,7 @@ bool finishSet(const Job& job, const SampledObject& object, const Hand& hand, st
   sortGrasps(grasps);
   keepGrasps(grasps, job.keepTop, job.keepDiverse, object.model.mass.radius);
   set.seconds["table"] += secondsSince(start);
-  rankQuality(job, hand, wrenchModel(job, *object.item, object.model, hand), jobs, cancel, workers, grasps, set);
+  completeGrasps(job, hand, wrenchModel(job, *object.item, object.model, hand), jobs, cancel, workers, grasps, set);
   if (cancel) return false;
   start = std::chrono::steady_clock::now();
   addGrasps(job, object, hand, grasps, set);

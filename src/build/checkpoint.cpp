@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kMagic = "HANDHOLD CHUNK 1\n";
+constexpr std::string_view kMagic = "HANDHOLD CHUNK 2\n";
 constexpr std::size_t kHashLength = 32;
 
 /// Writes numbers one after another, or reads them back in the same order.
@@ -68,9 +68,6 @@ void visit(Archive& archive, KeptGrasp& grasp) {
   archive.numbers(grasp.X_OH.matrix().reshaped());
   archive.number(grasp.backoff);
   archive.number(grasp.approachClear);
-  archive.number(grasp.epsilonLower);
-  archive.number(grasp.epsilonUpper);
-  archive.number(grasp.criticalFriction);
   archive.numbers(grasp.centering);
   archive.length(grasp.jointPosition);
   archive.numbers(grasp.jointPosition);
@@ -90,8 +87,8 @@ void visit(Archive& archive, SampleResults& sample) {
   archive.length(sample.grasps);
   for (KeptGrasp& grasp : sample.grasps) visit(archive, grasp);
   archive.number(sample.byReference);
-  for (double* seconds : {&sample.seconds.policy, &sample.seconds.forceClosure, &sample.seconds.epsilon,
-                          &sample.seconds.approach, &sample.seconds.bounds})
+  for (double* seconds :
+       {&sample.seconds.policy, &sample.seconds.forceClosure, &sample.seconds.epsilon, &sample.seconds.approach})
     archive.number(*seconds);
 }
 

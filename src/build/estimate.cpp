@@ -15,7 +15,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kSetsToLearnFrom = 20;
-constexpr std::array<std::string_view, 5> kTrialStages = {"policy", "force_closure", "epsilon", "approach", "bounds"};
+constexpr std::array<std::string_view, 4> kTrialStages = {"policy", "force_closure", "epsilon", "approach"};
+constexpr std::string_view kGraspStage = "bounds";  // of every grasp that is kept
 
 /// Without a set to learn from: means over the sets of jobs/demo.yaml, as this prints them when they are there
 ///     handhold build jobs/demo.yaml && handhold build jobs/demo.yaml --force --dry-run --format json
@@ -67,6 +68,8 @@ class Learner {
     for (const auto& [stage, seconds] : set.seconds) {
       if (stage == "fields") {
         once_ = std::max(once_, seconds);
+      } else if (stage == kGraspStage) {
+        graspSeconds_ += seconds;
       } else if (std::find(kTrialStages.begin(), kTrialStages.end(), stage) != kTrialStages.end()) {
         trialSeconds_ += seconds;
       } else {
@@ -95,7 +98,10 @@ class Learner {
     rates.bytesPerSet = fixed_ / sets;
     rates.bytesPerSample = sampleBytes_ / samples_;
     rates.bytesPerTrial = trialBytes_ / trials_;
-    if (grasps_ > 0) rates.bytesPerGrasp = graspBytes_ / grasps_;
+    if (grasps_ > 0) {
+      rates.secondsPerGrasp = graspSeconds_ / grasps_;
+      rates.bytesPerGrasp = graspBytes_ / grasps_;
+    }
     if (setsAtPitch_ > 0) rates.samples = samplesAtPitch_ / static_cast<double>(setsAtPitch_);
     return rates;
   }
@@ -104,7 +110,7 @@ class Learner {
   const Job& job_;
   std::size_t sets_ = 0, setsAtPitch_ = 0;
   double trials_ = 0, closed_ = 0, samples_ = 0, grasps_ = 0, samplesAtPitch_ = 0;
-  double trialSeconds_ = 0, setSeconds_ = 0, once_ = 0;
+  double trialSeconds_ = 0, graspSeconds_ = 0, setSeconds_ = 0, once_ = 0;
   double fixed_ = 0, sampleBytes_ = 0, trialBytes_ = 0, graspBytes_ = 0;
 };
 
@@ -132,7 +138,7 @@ void addSet(const Job& job, const PlannedSet& set, std::size_t preshapes, HandEs
   double grasps = trials * rates.shareForceClosed;
   if (job.keepTop > 0) grasps = std::min(grasps, static_cast<double>(job.keepTop));
   estimate.trials += trials;
-  estimate.coreHours += (rates.secondsPerSet + trials * rates.secondsPerTrial) / 3600;
+  estimate.coreHours += (rates.secondsPerSet + trials * rates.secondsPerTrial + grasps * rates.secondsPerGrasp) / 3600;
   estimate.gigabytes += (rates.bytesPerSet + trials / perSample * rates.bytesPerSample + trials * rates.bytesPerTrial +
                          grasps * rates.bytesPerGrasp) /
                         1e9;

@@ -11,6 +11,7 @@ namespace handhold {
 struct CostRates {
   std::size_t sets = 0;  // of the database that they are measured on; 0: none, they are constants
   double secondsPerSet = 0, secondsPerTrial = 0;
+  double secondsPerGrasp = 0;   // that is kept
   double secondsOnce = 0;       // the hand's fields, once a run
   double shareForceClosed = 0;  // of the trials
   double bytesPerSet = 0, bytesPerSample = 0, bytesPerTrial = 0, bytesPerGrasp = 0;

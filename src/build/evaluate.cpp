@@ -43,8 +43,6 @@ void judge(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones, E
     trial.outcome = GraspOutcome::tooFewContacts;
   }
   result.approachClear = false;
-  result.bounds = {};
-  result.criticalFriction = kNotEvaluated;
   result.epsilon = trial.outcome == GraspOutcome::blockedCentering ? kNotEvaluated : 0;
   if (trial.outcome != GraspOutcome::notForceClosed) return;
 
@@ -67,10 +65,6 @@ void judge(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones, E
   trial.outcome = policy.selfCollides(candidate, trial) ? GraspOutcome::selfCollision : GraspOutcome::forceClosed;
   if (trial.outcome == GraspOutcome::forceClosed) result.approachClear = policy.approachIsClear(candidate, trial);
   clock.addTo(seconds.approach);
-  if (trial.outcome != GraspOutcome::forceClosed) return;
-  result.bounds = cones.exact.epsilonBounds(trial.contacts);
-  result.criticalFriction = cones.exact.criticalFriction(trial.contacts).friction;
-  clock.addTo(seconds.bounds);
 }
 
 LoadMargin evaluateLoad(LoadMarginSolver& solver, const Hand& hand, const Eigen::VectorXd& jointPosition,

@@ -2,7 +2,6 @@
 
 #include "quality/force_closure.h"
 #include "quality/load_margin.h"
-#include "quality/true_cone.h"
 #include "simulate/grasp_policy.h"
 
 #include <cstdint>
@@ -15,36 +14,32 @@ struct Evaluation {
   GraspTrial trial;                 // contacts rounded as stored
   double epsilon = 0;               // > 0 force closed, 0 not, NaN not evaluated
   ForceClosureResult forceClosure;  // meaningful when there were contacts enough
-  bool approachClear = false;       // of force-closed grasps, as the two below
-  EpsilonBounds bounds;             // on the true cone
-  double criticalFriction = 0;      // NaN when it could not be found
+  bool approachClear = false;       // of force-closed grasps
 };
 
 /// What a worker makes of contacts.
 struct Cones {
-  explicit Cones(const WrenchModel& model) : fewestContacts(model.fewestContacts()), linearised(model), exact(model) {}
+  explicit Cones(const WrenchModel& model) : fewestContacts(model.fewestContacts()), linearised(model) {}
   std::size_t fewestContacts;  // contacts, below which nothing is asked
   FrictionCones linearised;
-  TrueCones exact;
 };
 
 /// Seconds by stage.
 struct StageSeconds {
-  double policy = 0, forceClosure = 0, epsilon = 0, approach = 0, bounds = 0;
+  double policy = 0, forceClosure = 0, epsilon = 0, approach = 0;
 
   void add(const StageSeconds& other, double factor) {
     policy += factor * other.policy;
     forceClosure += factor * other.forceClosure;
     epsilon += factor * other.epsilon;
     approach += factor * other.approach;
-    bounds += factor * other.bounds;
   }
 };
 
-/// Policy, force closure, epsilon, and for a force-closed grasp the hand against itself, the approach, and epsilon and
-/// friction on the true cone. Contacts are rounded to 32-bit floats first, so that a stored grasp can be recomputed
-/// from its record. Adds wall-clock seconds. `cones` and `result` are a worker's: with them, what follows the policy
-/// allocates nothing once it has seen as many contacts.
+/// Policy, force closure, epsilon, and for a force-closed grasp the hand against itself and the approach. Contacts are
+/// rounded to 32-bit floats first, so that a stored grasp can be recomputed from its record. Adds wall-clock seconds.
+/// `cones` and `result` are a worker's: with them, what follows the policy allocates nothing once it has seen as many
+/// contacts.
 void evaluate(GraspPolicy& policy, const GraspCandidate& candidate, Cones& cones, Evaluation& result,
               StageSeconds& seconds);
 

@@ -18,12 +18,14 @@ struct KeptGrasp {
   Eigen::Isometry3d X_OH;
   double backoff = 0;
   bool approachClear = false;
-  double epsilonLower = 0, epsilonUpper = 0, criticalFriction = 0;  // on the true cone
   Eigen::VectorXd jointPosition;
   std::vector<Contact> contacts;
-  Eigen::Vector3d centering = Eigen::Vector3d::Zero();           // m, how far a self-centring jaw moved the hand, in O
-  double loadMargin = std::numeric_limits<double>::quiet_NaN();  // N, of the best by epsilon
-  Proportion robustness{0, 0};                                   // of the best by epsilon, when the job asks
+  Eigen::Vector3d centering = Eigen::Vector3d::Zero();  // m, how far a self-centring jaw moved the hand, in O
+
+  // Of grasps that are kept (kept_quality.h).
+  double epsilonLower = 0, epsilonUpper = 0, criticalFriction = 0;  // on the true cone
+  double loadMargin = std::numeric_limits<double>::quiet_NaN();     // N, of the best by epsilon
+  Proportion robustness{0, 0};                                      // of the best by epsilon, when the job asks
 };
 
 /// Falling epsilon, ties by trial: the order of the database.

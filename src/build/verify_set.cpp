@@ -2,7 +2,7 @@
 
 #include "build/build_set.h"
 #include "build/import_set.h"
-#include "build/ranked_quality.h"
+#include "build/kept_quality.h"
 #include "build/stored_set.h"
 #include "core/error.h"
 #include "core/hash.h"
@@ -74,7 +74,7 @@ class Recomputation {
     const auto policy = makePolicy(job_, hand_, object_.model, fields);
     const WrenchModel model = wrenchModel(job_, item_, object_.model, hand_);
     Cones cones(model);
-    RankedQuality ranked(job_, hand_, model, setKey(set_));
+    KeptQuality quality(job_, hand_, model, setKey(set_));
     Evaluation result;
     StageSeconds seconds;
     const auto evaluateTrial = [&](std::size_t trial) {
@@ -95,7 +95,7 @@ class Recomputation {
         continue;
       }
       grasps.push_back(keptGrasp(trial, result));
-      if (row < ranked.rows()) ranked.compute(row, *policy, grasps.back());
+      quality.compute(row, *policy, grasps.back());
       comparable.push_back(row);
     }
     addGrasps(job_, object_, hand_, grasps, again_);

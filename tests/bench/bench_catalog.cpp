@@ -155,7 +155,8 @@ ordered_json benchDemo(const Sizes& sizes, double efficiency) {
     const double perSet = static_cast<double>(kSamples * kRolls) * static_cast<double>(hand->preshapes.size());
     const CostRates& rates = estimate.rates;
     trials += kObjects * perSet;
-    coreSeconds += kObjects * (rates.secondsPerSet + perSet * rates.secondsPerTrial);
+    coreSeconds += kObjects * (rates.secondsPerSet +
+                               perSet * (rates.secondsPerTrial + rates.shareForceClosed * rates.secondsPerGrasp));
     projectedBytes += kObjects * (rates.bytesPerSet + kSamples * rates.bytesPerSample +
                                   perSet * (rates.bytesPerTrial + rates.shareForceClosed * rates.bytesPerGrasp));
   }

@@ -142,7 +142,6 @@ struct Times {
             {"force_closure_us", 1e6 * stages.forceClosure / n},
             {"epsilon_us", 1e6 * stages.epsilon / n},
             {"approach_us", 1e6 * stages.approach / n},
-            {"bounds_us", 1e6 * stages.bounds / n},
             {"trials_per_second", 1 / secondsATrial()},
             {"force_closed_share", static_cast<double>(closed) / n},
             {"grasps_per_second", static_cast<double>(closed) / n / secondsATrial()},

@@ -170,6 +170,7 @@ TEST(Estimates, ComeFromTheHandsOwnSets) {
   EXPECT_NEAR(1e9 * e.gigabytes, 3 * (fixed + 2 * (bytes - fixed)), 1);
   const auto kept = estimateCost(jobOf(200, 20), hands, database, plan);
   EXPECT_NEAR(1e9 * (e.gigabytes - kept[0].gigabytes), 3 * 300 * e.rates.bytesPerGrasp, 1);
+  EXPECT_NEAR(3600 * (e.coreHours - kept[0].coreHours), 3 * 300 * 2.0 / 160, 1e-9);
 }
 
 TEST(Estimates, WithoutSetsComeFromConstantsAndUnknownSetsAreCounted) {
