@@ -202,7 +202,9 @@ class FastPolicy final : public GraspPolicy {
  private:
   void reserve() {
     const std::size_t blocks = shell_->pointTree.blocks.size() + kGroup;
-    blockIds_.resize(std::max(blocks, shell_->triangleTree.blocks.size() + kGroup));
+    std::size_t most = std::max(blocks, shell_->triangleTree.blocks.size() + kGroup);
+    for (const SphereTree& cover : fields_->covers) most = std::max(most, cover.blocks.size() + kGroup);
+    blockIds_.resize(most);
     blockFirsts_.resize(blocks);
     nearIds_.resize(shell_->source.size() + kGroup);
     scratchIds_.resize(shell_->source.size() + kGroup);
@@ -230,22 +232,9 @@ class FastPolicy final : public GraspPolicy {
   }
 
   /// Are two links apart for sure: no sphere of one's cover near the other?
-  bool areApart(int a, int b) const {
-    const LinkGrid& grid = *fields_->grids[a];
-    const Isometry3d X_AB = X_HL_[a].inverse() * X_HL_[b];
-    if (grid.lowerBound(X_AB * fields_->grids[b]->center) > fields_->grids[b]->radius) return true;
-    const SphereTree& cover = fields_->covers[b];
-    const auto isClear = [&](const SphereTree::Spheres& spheres, std::size_t i) {
-      return grid.lowerBound(X_AB * Vector3d(spheres.x[i], spheres.y[i], spheres.z[i])) > spheres.radius[i];
-    };
-    for (std::size_t i = 0; i < cover.superblocks.size(); ++i) {
-      if (isClear(cover.superblocks, i)) continue;
-      const std::size_t end = std::min<std::size_t>(kGroup * (i + 1), cover.blocks.size());
-      for (std::size_t k = kGroup * i; k < end; ++k) {
-        if (!isClear(cover.blocks, k)) return false;
-      }
-    }
-    return true;
+  bool areApart(int a, int b) {
+    const PlacedGrid placed = {fields_->grids[a].get(), Placement::of(X_HL_[a].inverse() * X_HL_[b])};
+    return kernels::nearBlocks(placed, fields_->covers[b], 0, blockIds_.data()) == 0;
   }
 
   Isometry3d fromShell() const { return Isometry3d(Eigen::Translation3d(shell_->center)); }
