@@ -27,6 +27,7 @@ except ImportError:  # GraspSet.checksum_checked says so
 BLOCK_BYTES = 512
 MAGIC = "HANDHOLD GRASP SET"
 FORMAT_VERSION = 1
+PHYSICS_MAGIC = b"HANDHOLD PHYSICS RESULTS 1\n"
 TIE = 1e-9  # m: distances that differ by less are equal to the farthest-point choice
 
 SetFile = collections.namedtuple("SetFile", "path object hand version")
@@ -43,7 +44,8 @@ _LATER_COLUMNS = ("epsilon_lower", "epsilon_upper", "critical_friction", "load_m
 
 
 class BadSet(ValueError):
-    """A file that is no grasp set, is damaged, or was written by a newer Handhold. The text names the file."""
+    """A file that is no grasp set, or no physics results of the set beside it, is damaged, or was written by a newer
+    Handhold. The text names the file."""
 
 
 @dataclasses.dataclass
@@ -120,14 +122,35 @@ class GraspSet:
         """(k, 4, 4) poses of the root link in the object frame, of all rows or of those given."""
         return _matrices(self.column("hand_pose")[rows])
 
+    def physics(self):
+        """(n,) the share of the six directions of `handhold physics --test pull` in which each grasp was held, NaN where
+        it was not simulated. Raises BadSet for results that are damaged or another set's."""
+        path = self.path.with_name("physics-" + self.path.name)
+        shares = np.full(len(self), np.nan)
+        if not path.exists():
+            return shares
+        _check_physics(path)
+        with h5py.File(path, "r", locking=False) as results:
+            found = results.attrs["input_hash"], int(results.attrs["set_version"])
+            wanted = self.file.attrs["input_hash"], self.version
+            if found != wanted:
+                raise BadSet(f"{path}: belongs to version {found[1]} with input hash {found[0]}, "
+                             f"want {wanted[1]} with {wanted[0]}")
+            directions = results["load"].attrs["directions"]
+            pull = np.array([str(name).startswith("pull ") for name in directions], bool)
+            if pull.any():
+                shares[results["grasp"][:]] = (results["load/outcome"][:, pull] == 0).mean(axis=1)
+        return shares
+
     def select(self, min_epsilon=None, friction=None, approach=None, within_deg=None, near=None, radius=None,
-               preshape="*", top=None, diverse=False):
+               preshape="*", min_physics=None, top=None, diverse=False):
         """The rows that pass every filter that is given, as a Selection.
 
         min_epsilon: of the epsilon as stored. friction: at most the set's own; keeps critical_friction <= friction and
         leaves out rows where that is not known. approach (3,) with within_deg: the approach direction, from the palm to
         the object, is at most so many degrees from it. near (3,) [m] with radius [m]: of the target point. preshape:
-        shell pattern. top: at most so many, the best, or with diverse spread by farthest points over all that pass.
+        shell pattern. min_physics: 0 to 1, keeps what was held in at least that share of the directions of physics();
+        grasps that were not simulated are left out. top: at most so many, the best, or with diverse spread by farthest points over all that pass.
         """
         keep = np.ones(len(self), bool)
         if min_epsilon is not None:
@@ -148,6 +171,8 @@ class GraspSet:
         if near is not None:
             away = self.column("target_point").astype(float) - _vector("near", near)
             keep &= np.linalg.norm(away, axis=1) <= _number("radius", radius, 0)
+        if min_physics is not None:
+            keep &= self.physics() >= _number("min_physics", min_physics, 0, 1)  # False for NaN
         wanted = np.array([fnmatch.fnmatchcase(name, preshape) for name in self.preshape_names], bool)
         keep &= wanted[self.column("trial")[:, 2]]
         rows = np.flatnonzero(keep)
@@ -279,6 +304,16 @@ def _check_file(path):
             raise BadSet(f"{path}: is damaged: the checksum of its data is {checksum.hexdigest()}, "
                          f"want {fields.get('xxh3_128')}")
         return True
+
+
+def _check_physics(path):
+    """Refuses physics results by their first 512 bytes and, with xxhash, their checksum."""
+    data = path.read_bytes()
+    if not data.startswith(PHYSICS_MAGIC) or len(data) < BLOCK_BYTES:
+        raise BadSet(f'{path}: holds no physics results: it does not start with "{PHYSICS_MAGIC.decode().strip()}"')
+    wanted = data[len(PHYSICS_MAGIC):len(PHYSICS_MAGIC) + 32].decode("ascii", "replace")
+    if xxhash is not None and xxhash.xxh3_128(data[BLOCK_BYTES:]).hexdigest() != wanted:
+        raise BadSet(f"{path}: is damaged: the checksum of its data is not {wanted}")
 
 
 def _number(name, value, least=-math.inf, most=math.inf):

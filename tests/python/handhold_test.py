@@ -17,7 +17,9 @@ import unittest
 import unittest.mock
 import warnings
 
+import h5py
 import numpy as np
+import xxhash
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 HANDHOLD, EXAMPLE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
@@ -103,6 +105,43 @@ class Reader(unittest.TestCase):
                     self.assert_same(grasp, row)
                 found += bool(rows)
         self.assertEqual(found, len(QUERIES))  # none of the filters is so strict that nothing was compared
+
+    def test_min_physics(self):
+        copy = self.folder / "simulated"
+        shutil.copytree(self.db, copy)
+        simulated = run(HANDHOLD, "physics", "--db", copy, "--object", "t_bar", "--hand", "jaw", "--top", 6,
+                        "--progress", "none")
+        if "was built without MuJoCo" in simulated.stderr:
+            self.skipTest("without MuJoCo")
+        self.assertEqual(simulated.returncode, 0, simulated.stderr)
+        path = copy / "t_bar/jaw/physics-v0002.h5"
+        with h5py.File(path, "r+") as results:  # grasp i held in i of the six directions
+            for i, outcome in enumerate(results["load/outcome"]):
+                results["load/outcome"][i] = np.arange(len(outcome)) >= i
+        head, data = path.read_bytes()[:512], path.read_bytes()[512:]
+        magic = head[:head.index(b"\n") + 1]
+        path.write_bytes((magic + xxhash.xxh3_128(data).hexdigest().encode()).ljust(512, b"\0") + data)
+        database = handhold.Database(copy)
+        for share, count in [(0, 6), (0.4, 3), (1, 0)]:
+            rows, grasps = query("--db", copy, "--min-physics", share), database.query(min_physics=share)
+            self.assertEqual([g.grasp for g in grasps], [row["grasp"] for row in rows])
+            self.assertEqual(len(grasps), count)
+        with database.open("t_bar", "jaw") as grasp_set:
+            np.testing.assert_allclose(grasp_set.physics()[:6], np.arange(6) / 6)
+            self.assertTrue(np.isnan(grasp_set.physics()[6:]).all())
+            with self.assertRaisesRegex(ValueError, "min_physics is 1.1"):
+                grasp_set.select(min_physics=1.1)
+        with database.open("mug", "jaw") as grasp_set:  # not simulated
+            self.assertEqual(grasp_set.select(min_physics=0).passed, 0)
+        damaged = path.read_bytes()
+        for content, message in [(damaged[:-1] + b"?", "is damaged"), (b"x", "holds no physics results")]:
+            path.write_bytes(content)
+            with database.open("t_bar", "jaw") as grasp_set:
+                self.assertRaisesRegex(handhold.BadSet, f"physics-v0002.h5: {message}", grasp_set.physics)
+        path.write_bytes(damaged)
+        shutil.copy(path, copy / "mug/jaw/physics-v0002.h5")
+        with database.open("mug", "jaw") as grasp_set:
+            self.assertRaisesRegex(handhold.BadSet, "belongs to version 2 with input hash", grasp_set.physics)
 
     def test_cover_radius(self):
         printed = run(HANDHOLD, "query", "--db", self.db, "--object", "t_bar", "--hand", "jaw", "--top", 4,
