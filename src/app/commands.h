@@ -80,6 +80,8 @@ struct PhysicsCommand {
   std::string replay, pictures;       // SET:I; the folder for its pictures
   std::optional<std::size_t> groups;  // compare so many grasps of each group, write nothing
   std::optional<std::size_t> pieces;  // check the labels of so many grasps, write nothing
+  std::string calibrate;              // the folder for models of what holds; writes nothing else
+  std::size_t draw = 50;              // for them: of the stored grasps and of the trials of each set
   std::uint64_t seed = 1;             // of what is drawn
   bool json = false;                  // of the groups
 };
@@ -101,6 +103,8 @@ int runRender(const std::string& set, const std::string& output);
 /// One HTML file about the newest version of every set that the globs pick.
 int runReport(const ReportCommand& command, const Database& database);
 int runPhysics(const PhysicsCommand& command, const Database& database);
+/// `physics --calibrate`
+int runCalibration(const PhysicsCommand& command, const Database& database);
 
 /// `SET[:I]`: a set file and the rank of a grasp in it, 0 when none is written; a file whose own name ends like that is
 /// taken as it is. @throws InputError
@@ -113,6 +117,9 @@ GraspName parseGraspName(const std::string& text);
 /// The physics results beside a set; nothing when there are none. Those that cannot be used are told.
 std::optional<PhysicsSet> physicsOf(const std::filesystem::path& set, const std::string& inputHash, int setVersion,
                                     std::size_t grasps);
+
+/// Of each object and hand the newest set. @throws InputError  there is none
+std::vector<SetFile> pickedSets(const Database& database, const PhysicsCommand& command);
 
 /// The grasps that pass; failures, and what was left out and why, are told on stderr. @throws InputError
 QueryAnswer findGrasps(const QueryCommand& command, const Database& database);

@@ -115,12 +115,23 @@ CLI::App* addPhysics(CLI::App& app, PhysicsCommand& command) {
   CLI::Option* groups = sub->add_option("--groups", command.groups,
                                         "compare K grasps each of the best, stored, trials and open; writes nothing");
   groups->type_name("K")->check(CLI::Range(1, 1'000'000))->excludes(replay);
-  sub->add_option("--pieces", command.pieces,
-                  "label K grasps drawn from stored and trials with the object as convex pieces too; writes nothing")
+  CLI::Option* pieces =
+      sub->add_option(
+             "--pieces", command.pieces,
+             "label K grasps drawn from stored and trials with the object as convex pieces too; writes nothing")
+          ->type_name("K")
+          ->check(CLI::Range(1, 1'000'000))
+          ->excludes(replay)
+          ->excludes(groups);
+  CLI::Option* calibrate = sub->add_option(
+      "--calibrate", command.calibrate,
+      "fit the probability that a grasp holds to drawn grasps, a model a hand; writes it and plots here");
+  calibrate->type_name("DIR")->excludes(replay)->excludes(groups)->excludes(pieces);
+  sub->add_option("--draw", command.draw,
+                  "with --calibrate: stored grasps, and as many trials, of each set (default 50)")
       ->type_name("K")
       ->check(CLI::Range(1, 1'000'000))
-      ->excludes(replay)
-      ->excludes(groups);
+      ->needs(calibrate);
   sub->add_option("--seed", command.seed, "of what is drawn at random");
   return sub;
 }

@@ -39,16 +39,6 @@ std::vector<PhysicsTest> testsOf(const PhysicsCommand& command) {
   return tests;
 }
 
-/// Of each object and hand the newest set. @throws InputError  there is none
-std::vector<SetFile> pickedSets(const Database& database, const PhysicsCommand& command) {
-  std::vector<SetFile> sets = database.newestSets(command.objectGlob, command.handGlob);
-  if (sets.empty()) {
-    throw InputError(fmt::format("{}: --object {} --hand {} picks no set", database.folder().string(),
-                                 command.objectGlob, command.handGlob));
-  }
-  return sets;
-}
-
 void requireMass(const SimulatedSet& set, const fs::path& path, const std::vector<PhysicsTest>& tests) {
   if (set.model().knowsMass() || tests.back() == PhysicsTest::pull) return;
   throw InputError(
@@ -339,7 +329,17 @@ int checkShapes(const PhysicsCommand& command, const Database& database) {
 
 }  // namespace
 
+std::vector<SetFile> pickedSets(const Database& database, const PhysicsCommand& command) {
+  std::vector<SetFile> sets = database.newestSets(command.objectGlob, command.handGlob);
+  if (sets.empty()) {
+    throw InputError(fmt::format("{}: --object {} --hand {} picks no set", database.folder().string(),
+                                 command.objectGlob, command.handGlob));
+  }
+  return sets;
+}
+
 int runPhysics(const PhysicsCommand& command, const Database& database) {
+  if (!command.calibrate.empty()) return runCalibration(command, database);
   if (!command.replay.empty()) return replay(command);
   if (command.pieces) return checkShapes(command, database);
   return command.groups ? compareSets(command, database) : labelSets(command, database);

@@ -1,10 +1,6 @@
 #include "physics/compare_groups.h"
 
-#include "build/build_set.h"
 #include "build/import_set.h"
-#include "build/stored_set.h"
-#include "core/hash.h"
-#include "core/random.h"
 
 #include <algorithm>
 #include <numbers>
@@ -14,44 +10,6 @@ namespace {
 
 constexpr double kNearContact = 3e-3;       // m
 constexpr std::size_t kDrawsPerOpen = 100;  // trials drawn for each open one wanted
-
-/// `count` different numbers below `size`, in random order; all when there are no more.
-std::vector<std::size_t> drawDifferent(std::size_t size, std::size_t count, const RandomStream& random) {
-  std::vector<std::size_t> all(size);
-  for (std::size_t i = 0; i < size; ++i) all[i] = i;
-  count = std::min(count, size);
-  for (std::size_t i = 0; i < count; ++i) {
-    std::swap(all[i], all[i + static_cast<std::size_t>(random.uniform(i) * static_cast<double>(size - i))]);
-  }
-  all.resize(count);
-  return all;
-}
-
-/// Runs trials of a set again, from its record.
-class TrialPostures {
- public:
-  TrialPostures(const SimulatedSet& set, const std::shared_ptr<const HandFields>& fields)
-      : job_(parseJobSettings(set.set().job, "the stored job")), hand_(set.model().hand()) {
-    item_.name = set.set().object;
-    item_.friction = set.set().friction;
-    object_ = sampleObject(job_, item_, storedObject(set.set()));
-    policy_ = makePolicy(job_, hand_, object_.model, job_.simulation == Simulation::fast ? fields : nullptr);
-  }
-
-  GraspPosture run(std::size_t index) {
-    const GraspCandidate candidate = candidateAt(job_, object_.samples, hand_, index);
-    policy_->run(candidate, trial_);
-    return {trial_.X_OH, hand_.preshapes[candidate.preshape].jointPosition, trial_.jointPosition, trial_.contacts};
-  }
-
- private:
-  Job job_;
-  const Hand& hand_;
-  CatalogItem item_;
-  SampledObject object_;
-  std::unique_ptr<GraspPolicy> policy_;
-  GraspTrial trial_;
-};
 
 FailureCause causeOf(const TestResult& result, const PhysicsSettings& settings) {
   for (const DirectionResult& direction : result.directions) {
@@ -106,25 +64,25 @@ std::array<std::vector<GraspPosture>, kGraspGroupNames.size()> GroupComparer::dr
     const SimulatedSet& set, const std::array<std::size_t, kGraspGroupNames.size()>& counts, std::uint64_t seed,
     const std::atomic<bool>& cancel) {
   const GraspSet& stored = set.set();
-  const RandomStream random = RandomStream(hashText(stored.object + "/" + stored.hand)).child(seed);
   std::array<std::vector<GraspPosture>, kGraspGroupNames.size()> groups;
   for (std::size_t row = 0; row < std::min(counts[0], stored.graspCount()); ++row) {
     groups[0].push_back(set.posture(row));
   }
-  for (const std::size_t row : drawDifferent(stored.graspCount(), counts[1], random.child(1))) {
-    groups[1].push_back(set.posture(row));
-  }
+  const DrawnGrasps drawn = drawGrasps(stored, counts[1], counts[2], seed);
+  for (const std::size_t row : drawn.rows) groups[1].push_back(set.posture(row));
   if (stored.policy == kImportedPolicy) return groups;
-  std::shared_ptr<const HandFields>& fields = fields_[set.model().hand().contentHash];
-  if (!fields) fields = makeHandFields(set.model().hand(), &cancel);
-  TrialPostures trials(set, fields);
-  const auto all = static_cast<double>(stored.trialCount());
-  const auto drawTrial = [&](const RandomStream& stream, std::size_t i) {
-    return trials.run(static_cast<std::size_t>(stream.uniform(i) * all));
+  const RecordedTrials trials(set, fields_.of(set.model().hand(), cancel));
+  SetWorker worker = std::move(trials.makeWorkers(JobSystem(1)).front());
+  const auto postureOf = [&](std::size_t trial) {
+    const GraspCandidate candidate = trials.candidate(trial);
+    worker.policy->run(candidate, worker.evaluation.trial);
+    return trials.posture(candidate, worker.evaluation.trial);
   };
-  for (std::size_t i = 0; i < counts[2]; ++i) groups[2].push_back(drawTrial(random.child(2), i));
+  for (const std::size_t trial : drawn.trials) groups[2].push_back(postureOf(trial));
+  const RandomStream random = drawStream(stored, seed).child(3);
+  const auto all = static_cast<double>(stored.trialCount());
   for (std::size_t i = 0; groups[3].size() < counts[3] && i < kDrawsPerOpen * counts[3] && !cancel; ++i) {
-    GraspPosture posture = drawTrial(random.child(3), i);
+    GraspPosture posture = postureOf(static_cast<std::size_t>(random.uniform(i) * all));
     const std::vector<Contact> contacts = set.model().contactsWithin(posture, kNearContact);
     if (!contacts.empty() && !set.model().closes(contacts)) groups[3].push_back(std::move(posture));
   }

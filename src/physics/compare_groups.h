@@ -1,15 +1,11 @@
 #pragma once
 
 #include "core/job_system.h"
-#include "physics/simulated_set.h"
-#include "simulate/fast_policy.h"
+#include "physics/recorded_trials.h"
 
 #include <array>
 #include <atomic>
-#include <map>
-#include <memory>
 #include <optional>
-#include <string>
 #include <string_view>
 #include <vector>
 
@@ -69,7 +65,7 @@ class GroupComparer {
       const SimulatedSet& set, const std::array<std::size_t, kGraspGroupNames.size()>& counts, std::uint64_t seed,
       const std::atomic<bool>& cancel);
 
-  std::map<std::string, std::shared_ptr<const HandFields>> fields_;  // by the hand's contentHash
+  HandFieldsCache fields_;
 };
 
 }  // namespace handhold

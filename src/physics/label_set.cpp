@@ -87,19 +87,26 @@ std::optional<PhysicsSet> takeRows(const PhysicsSet& from, const PhysicsSet& emp
   return part;
 }
 
-}  // namespace
+std::string engineText() { return fmt::format("version {}\nmujoco {}", kPhysicsVersion, mujocoVersion()); }
 
-std::string settingsText(const SimulatedSet& set, const std::vector<PhysicsTest>& tests) {
-  const PhysicsSettings& s = set.settings();
-  std::string text = fmt::format("version {}\nmujoco {}\nmass {}\ntests", kPhysicsVersion, mujocoVersion(), set.mass());
-  for (const PhysicsTest test : tests) text += fmt::format(" {}", kPhysicsTestNames[static_cast<std::size_t>(test)]);
-  text += fmt::format("\ntime_step {}\nfriction {} {} {}\n", s.world.timeStep, s.world.friction,
-                      s.world.torsionFriction, s.world.rollFriction);
+std::string worldText(const PhysicsSettings& s) {
+  std::string text = fmt::format("time_step {}\nfriction {} {} {}\n", s.world.timeStep, s.world.friction,
+                                 s.world.torsionFriction, s.world.rollFriction);
   text += fmt::format("close {}\nsqueeze {} s {} N\npull {} s {} N {} kg\nlift {} m {} s\n", s.closeSeconds,
                       s.squeezeSeconds, s.squeezeForce, s.pullSeconds, s.pullForce, s.pullMass, s.liftHeight,
                       s.liftSeconds);
   text += fmt::format("held {} m {} deg\n", s.largestMove, s.largestTurn);
   return text;
+}
+
+}  // namespace
+
+std::string protocolText(const PhysicsSettings& settings) { return engineText() + "\n" + worldText(settings); }
+
+std::string settingsText(const SimulatedSet& set, const std::vector<PhysicsTest>& tests) {
+  std::string text = fmt::format("{}\nmass {}\ntests", engineText(), set.mass());
+  for (const PhysicsTest test : tests) text += fmt::format(" {}", kPhysicsTestNames[static_cast<std::size_t>(test)]);
+  return text + "\n" + worldText(set.settings());
 }
 
 PhysicsSet emptyPhysics(const SimulatedSet& set, const std::vector<PhysicsTest>& tests) {

@@ -17,6 +17,9 @@ struct LabelRequest {
   std::optional<std::size_t> top;  // the best so many; default: all
 };
 
+/// The simulator and its settings, a line each.
+std::string protocolText(const PhysicsSettings& settings);
+
 /// Everything that a result depends on beside the set, as PhysicsSet::settings.
 std::string settingsText(const SimulatedSet& set, const std::vector<PhysicsTest>& tests);
 

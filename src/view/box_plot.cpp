@@ -1,7 +1,8 @@
 #include "view/box_plot.h"
 
+#include "view/svg.h"
+
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -10,8 +11,10 @@
 namespace handhold {
 namespace {
 
-// Okabe and Ito's colours.
-constexpr std::array<const char*, 4> kColours = {"#999999", "#0072b2", "#e69f00", "#009e73"};
+using svg::kColours;
+using svg::line;
+using svg::text;
+
 constexpr double kTop = 50, kHeight = 360, kLeft = 70, kBox = 26, kGap = 34;
 
 double quantile(const std::vector<double>& sorted, double p) {
@@ -27,15 +30,6 @@ struct Axis {
   double y(double value) const { return kTop + kHeight * (1 - std::log10(std::max(value, 1.0)) / decades); }
 };
 
-std::string line(double x1, double y1, double x2, double y2, const char* style) {
-  return fmt::format("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" {}/>\n", x1, y1, x2, y2, style);
-}
-
-std::string text(double x, double y, const std::string& anchor, const std::string& content, int size = 12) {
-  return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" font-size=\"{}\">{}</text>\n", x, y, anchor,
-                     size, content);
-}
-
 std::string box(std::vector<double> values, double x, const char* colour, const Axis& axis) {
   std::sort(values.begin(), values.end());
   const double q1 = quantile(values, 0.25), q2 = quantile(values, 0.5), q3 = quantile(values, 0.75);
@@ -45,19 +39,19 @@ std::string box(std::vector<double> values, double x, const char* colour, const 
   const double mean = std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
   const std::string stroke = fmt::format("stroke=\"{}\" stroke-width=\"1.5\"", colour);
   const double middle = x + kBox / 2;
-  std::string svg = line(middle, axis.y(low), middle, axis.y(q1), stroke.c_str()) +
-                    line(middle, axis.y(q3), middle, axis.y(high), stroke.c_str());
-  svg += fmt::format(
+  std::string drawn =
+      line(middle, axis.y(low), middle, axis.y(q1), stroke) + line(middle, axis.y(q3), middle, axis.y(high), stroke);
+  drawn += fmt::format(
       "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"{}\" fill-opacity=\"0.25\" {}/>\n", x,
       axis.y(q3), kBox, std::max(1.0, axis.y(q1) - axis.y(q3)), colour, stroke);
-  svg += line(x, axis.y(q2), x + kBox, axis.y(q2), stroke.c_str());
-  svg += line(x - 3, axis.y(mean), x + kBox + 3, axis.y(mean), "stroke=\"#d55e00\" stroke-width=\"2.5\"");
+  drawn += line(x, axis.y(q2), x + kBox, axis.y(q2), stroke);
+  drawn += line(x - 3, axis.y(mean), x + kBox + 3, axis.y(mean), "stroke=\"#d55e00\" stroke-width=\"2.5\"");
   for (const double value : values) {
     if (value >= low && value <= high) continue;
-    svg +=
+    drawn +=
         fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"2\" fill=\"none\" {}/>\n", middle, axis.y(value), stroke);
   }
-  return svg;
+  return drawn;
 }
 
 }  // namespace
@@ -75,12 +69,10 @@ std::string boxPlotSvg(const std::string& title, const std::string& yLabel, cons
   std::string body = text(width / 2, 24, "middle", title, 15);
   for (int decade = 0; decade <= static_cast<int>(axis.decades); ++decade) {
     const double value = std::pow(10, decade);
-    body += line(kLeft, axis.y(value), width - 10, axis.y(value), "stroke=\"#888888\" stroke-opacity=\"0.4\"");
+    body += line(kLeft, axis.y(value), width - 10, axis.y(value), svg::kGrid);
     body += text(kLeft - 8, axis.y(value) + 4, "end", fmt::format("{:.0f}", value));
   }
-  body += fmt::format(
-      "<text transform=\"translate(18 {:.1f}) rotate(-90)\" text-anchor=\"middle\" font-size=\"12\">{}</text>\n",
-      kTop + kHeight / 2, yLabel);
+  body += svg::uprightText(18, kTop + kHeight / 2, yLabel);
   double x = kLeft + kGap;
   for (const BoxPlotGroup& group : groups) {
     const double from = x;
@@ -103,12 +95,7 @@ std::string boxPlotSvg(const std::string& title, const std::string& yLabel, cons
   }
   body += line(key, keyY - 4, key + 24, keyY - 4, "stroke=\"#d55e00\" stroke-width=\"2.5\"");
   body += text(key + 30, keyY, "start", "mean");
-  return fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
-      "font-family=\"sans-serif\">\n<style>text{{fill:#222}}@media(prefers-color-scheme:dark){{text{{fill:#ddd}}}}</"
-      "style>\n"
-      "{2}</svg>\n",
-      std::max(width, key + 90), keyY + 14, body);
+  return svg::document(std::max(width, key + 90), keyY + 14, body);
 }
 
 }  // namespace handhold

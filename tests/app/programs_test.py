@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 import unittest
+import xml.etree.ElementTree
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 HANDHOLD = pathlib.Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else SOURCE / "build/release/bin/handhold"
@@ -398,6 +399,36 @@ class Programs(unittest.TestCase):
         self.assert_refused(run("physics", "--replay", f"{path}:0", "--test", "lift"), "gives the object no mass")
         self.assert_refused(run("physics", "--db", self.db, "--object", "none"), "picks no set")
         self.assert_refused(run("physics", "--db", self.db, "--test", "push"), "--test")
+
+    def test_physics_calibrate(self):
+        self.assertEqual(self.build(objects=("t_bar.ply", "banana.obj"), sampling="{samples: 24, rolls: 6}").returncode, 0)
+
+        def calibrate(name, *arguments):
+            return run("physics", "--db", self.db, "--calibrate", self.folder / name, *arguments)
+        result = calibrate("one", "--draw", 12, "--threads", 1)
+        if "was built without MuJoCo" in result.stderr:
+            self.skipTest("without MuJoCo")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        for word in ("| t_bar | jaw | ", "| rank | all | ", "| settled | stored | ", "calibration-jaw.yaml"):
+            self.assertIn(word, result.stdout)
+        again = calibrate("three", "--draw", 12, "--threads", 3)
+        self.assertEqual(again.stdout.replace("/three/", "/one/"), result.stdout)
+        names = {"calibration-jaw.yaml", "reliability-jaw.svg", "roc-jaw.svg"}
+        self.assertEqual({path.name for path in (self.folder / "one").iterdir()}, names)
+        for name in names:
+            self.assertEqual((self.folder / "one" / name).read_bytes(), (self.folder / "three" / name).read_bytes(), name)
+        for name in names - {"calibration-jaw.yaml"}:
+            picture = xml.etree.ElementTree.parse(self.folder / "one" / name)
+            self.assertIn("jaw", "".join(picture.getroot().itertext()))
+        # One object cannot be judged by others.
+        result = calibrate("none", "--object", "banana", "--draw", 2)
+        self.assertEqual(result.returncode, 1)
+        self.assertRegex(result.stderr, r"^error: jaw: nothing to tell apart: .*; no model is written\n$")
+        self.assertEqual(list((self.folder / "none").iterdir()), [])
+        self.assert_refused(calibrate("no_sets", "--object", "none"), "picks no set")
+        self.assertFalse((self.folder / "no_sets").exists())
+        self.assert_refused(calibrate("none", "--groups", 2), "--calibrate")
+        self.assert_refused(run("physics", "--db", self.db, "--draw", 2), "--draw")
 
     def test_query_is_refused_in_words(self):
         self.assertEqual(self.build(objects=("t_bar.ply",)).returncode, 0)
