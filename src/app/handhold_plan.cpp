@@ -25,14 +25,14 @@ namespace fs = std::filesystem;
 struct Options {
   std::string robot, scene, score = "paper", format = "table", output, record, replay, srdf;
   std::string database = defaultDatabase();
-  std::vector<std::string> packages;
+  std::vector<std::string> packages, calibrations;
   std::size_t top = 20;
   bool trace = false, initialise = false;
 };
 
 Planner makePlanner(const Options& options) {
-  Planner planner(options.database, loadRobot(options.robot, parsePackages(options.packages)));
-  return planner;
+  return Planner(options.database, loadRobot(options.robot, parsePackages(options.packages)),
+                 withCalibrations(options.calibrations));
 }
 
 void loadSceneOf(const Options& options, Planner& planner) {
@@ -61,8 +61,9 @@ int runRank(const Options& options) {
   if (options.format == "json") {
     fmt::print("{}\n", rankingJson(planner, ranking, options.top));
   } else {
-    fmt::print("{}{} grasps of {}, score {}\n", rankingTable(planner, ranking, options.top), ranking.grasps.size(),
-               planner.scene().target, options.score);
+    fmt::print("{}{} grasps of {}, score {}{}\n", rankingTable(planner, ranking, options.top), ranking.grasps.size(),
+               planner.scene().target, options.score,
+               options.calibrations.empty() ? "" : fmt::format(", gq by {}", fmt::join(options.calibrations, ", ")));
   }
   if (ranking.grasps.empty()) logWarning(fmt::format("the sets of {} have no grasp", planner.scene().target));
   return ranking.grasps.empty() ? kExitItemFailed : kExitDone;
@@ -113,6 +114,9 @@ PlanSource sourceOf(const Options& options) {
   source.scene = fs::absolute(options.scene).lexically_normal().string();
   source.database = fs::absolute(options.database).lexically_normal().string();
   source.score = options.score;
+  for (const std::string& path : options.calibrations) {
+    source.calibrations.push_back(fs::absolute(path).lexically_normal().string());
+  }
   for (const auto& [name, folder] : parsePackages(options.packages)) {
     source.packages[name] = fs::absolute(folder).lexically_normal().string();
   }
@@ -196,8 +200,17 @@ int runProgram(int argc, char** argv) {
     command->add_option("--db", options.database, "the database folder (default: $HANDHOLD_DB, then ./db)");
     command->add_option("--package", options.packages, "NAME=DIR: where package://NAME/ leads")->type_name("NAME=DIR");
   };
+  const auto addCalibration = [&](CLI::App* command) {
+    command
+        ->add_option("--calibration", options.calibrations,
+                     "gq is the probability that a grasp holds: a file of handhold physics --calibrate, one a hand")
+        ->type_name("FILE")
+        ->expected(1)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  };
   const auto addScene = [&](CLI::App* command) {
     addRobot(command);
+    addCalibration(command);
     command->add_option("--scene", options.scene, "the scene file")->required()->type_name("SCENE.yaml");
     command
         ->add_option("--score", options.score,
@@ -218,6 +231,7 @@ int runProgram(int argc, char** argv) {
 
   CLI::App* server = app.add_subcommand("serve", "answer requests on stdin, one JSON object a line");
   addRobot(server);
+  addCalibration(server);
   CLI::Option* record =
       server->add_option("--record", options.record, "write every request and answer here")->type_name("FILE");
   server->add_option("--replay", options.replay, "ask a record's requests again, say which answers differ")
@@ -227,6 +241,7 @@ int runProgram(int argc, char** argv) {
   TaskCommand task;
   CLI::App* tasks = app.add_subcommand("task", "what to do with several objects, step by step, with all motions");
   addRobot(tasks);
+  addCalibration(tasks);
   tasks->add_option("task", task.task, "the task file")->required()->type_name("TASK.yaml");
   tasks->add_option("--score", options.score, "the order of the grasps: paper or reach")->check(isScore);
   tasks->add_option("--seed", task.options.seed, "of poses, motions and random scenes (default 1)");

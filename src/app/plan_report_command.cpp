@@ -92,14 +92,15 @@ ReportedMap distanceMapOf(const Scene& scene, const GraspTable& table, double fa
 }
 
 /// The score and its terms, each of the best grasp at every target point (figure 7).
-std::vector<ReportedMap> scoreMaps(const Ranking& ranking, int arm, const GraspTable& table, ScoreKind kind) {
+std::vector<ReportedMap> scoreMaps(const Ranking& ranking, int arm, const GraspTable& table, ScoreKind kind,
+                                   bool calibrated) {
   const bool paper = kind == ScoreKind::paper;
   std::vector<ReportedMap> maps(4);
   const std::array<const char*, 4> labels = {"Environment clearance Ge", "Grasp quality Gq", "Robot position Gb",
                                              "Score G"};
   const std::array<const char*, 4> meanings = {
       paper ? "mean of the distance map about the target point" : "clearance of the hand on its way in and of the arm",
-      "epsilon by the largest of the set",
+      calibrated ? "calibrated probability that the grasp holds" : "epsilon by the largest of the set",
       paper ? "does the approach lead away from the shoulder" : "does inverse kinematics reach grasp and pre-grasp",
       "all three together: the order in which grasps are tested"};
   for (std::size_t i = 0; i < 4; ++i) maps[i].label = labels[i], maps[i].meaning = meanings[i];
@@ -187,7 +188,7 @@ ReportedPlan reportPlan(const PlanReportCommand& command, const PlanFile& file, 
   if (!ranking.grasps.empty()) {
     const int arm = (result.planned ? result.grasp : ranking.grasps.front()).score.arm;
     const auto table = planner.graspTable(result.object, arm);
-    report.maps = scoreMaps(ranking, arm, *table, kind);
+    report.maps = scoreMaps(ranking, arm, *table, kind, !source.calibrations.empty());
     report.maps.insert(report.maps.begin(), distanceMapOf(scene, *table, robot.score.far));
   }
   auto& facts = report.facts;
@@ -201,6 +202,8 @@ ReportedPlan reportPlan(const PlanReportCommand& command, const PlanFile& file, 
   }
   facts.emplace_back("Tested", fmt::format("{} grasps", result.tested));
   facts.emplace_back("Score", source.score);
+  if (!source.calibrations.empty())
+    facts.emplace_back("Gq by", fmt::format("{}", fmt::join(source.calibrations, ", ")));
   return report;
 }
 
@@ -243,7 +246,7 @@ ReportedPlan reportTask(const PlanFile& file, const PlanSource& source, Planner&
 int runPlanReport(const PlanReportCommand& command) {
   const PlanFile file = readPlanFile(command.plan);
   const PlanSource source = sourceOf(command, file);
-  Planner planner(source.database, loadRobot(source.robot, source.packages));
+  Planner planner(source.database, loadRobot(source.robot, source.packages), withCalibrations(source.calibrations));
   ReportedPlan report;
   try {
     report = file.isTask ? reportTask(file, source, planner) : reportPlan(command, file, source, planner);

@@ -36,10 +36,10 @@ std::string summary(const Task& task, const Robot& robot, const TaskResult& resu
   return text;
 }
 
-int runTrials(const TaskCommand& command, const Robot& robot, const Task& task) {
+int runTrials(const TaskCommand& command, const Robot& robot, const PlannerOptions& planning, const Task& task) {
   const int threads = JobSystem(command.threads).threads();
-  const std::vector<TaskTrial> trials =
-      runTaskTrials([&] { return Planner(command.database, robot); }, command.options, task, command.trials, threads);
+  const std::vector<TaskTrial> trials = runTaskTrials([&] { return Planner(command.database, robot, planning); },
+                                                      command.options, task, command.trials, threads);
   std::map<std::string, std::size_t> reasons;
   std::vector<std::map<std::string, std::size_t>> rejected(task.steps.size());
   std::size_t feasible = 0, done = 0;
@@ -78,12 +78,13 @@ int runTrials(const TaskCommand& command, const Robot& robot, const Task& task) 
 
 int runTask(const TaskCommand& command) {
   const Robot robot = loadRobot(command.robot, command.packages);
-  Planner planner(command.database, robot);
+  const PlannerOptions planning = withCalibrations(command.source.calibrations);
+  Planner planner(command.database, robot, planning);
   const ObjectMeshes meshes = [&](const std::string& object) { return planner.objectMesh(object); };
   Task task = loadTask(command.task, robot, meshes);
   for (const std::string& note : task.surroundings.notes) logInfo(fmt::format("{}: {}", command.task, note));
   try {
-    if (command.trials > 0) return runTrials(command, robot, task);
+    if (command.trials > 0) return runTrials(command, robot, planning, task);
     if (command.draw >= 0) task = drawTask(task, meshes, command.options.seed, command.draw);
     const TaskResult result = TaskPlanner(planner, command.options).plan(task);
     PlanSource source = command.source;

@@ -61,6 +61,7 @@ PlanSource sourceOf(const Json& json) {
   source.scene = json.contains("task") ? json.at("task") : json.at("scene");
   source.score = json.at("score");
   if (!scoreOf(source.score)) throw InputError(fmt::format("has score \"{}\", want paper or reach", source.score));
+  if (json.contains("calibrations")) source.calibrations = json.at("calibrations");
   if (json.contains("packages")) source.packages = json.at("packages");
   if (json.contains("seed")) source.seed = json.at("seed");
   if (json.contains("draw")) source.draw = json.at("draw").get<std::int64_t>();

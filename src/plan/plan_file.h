@@ -18,6 +18,7 @@ struct PlanSource {
   std::string robot, database;
   std::string scene;  // of a plan: the scene file; of a task: the task file
   std::string score = "paper";
+  std::vector<std::string> calibrations;  // files; none: the quality is epsilon
   std::map<std::string, std::string> packages;
   std::uint64_t seed = 1;            // of a task
   std::optional<std::int64_t> draw;  // of a task: the random scene

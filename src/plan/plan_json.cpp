@@ -18,6 +18,7 @@ Json vectorJson(const Eigen::VectorXd& v) { return std::vector<double>(v.data(),
 /// @param file  scene or task: what the file is called among the keys
 Json sourceJson(const PlanSource& source, const char* file) {
   Json json = {{"robot", source.robot}, {file, source.scene}, {"db", source.database}, {"score", source.score}};
+  if (!source.calibrations.empty()) json["calibrations"] = source.calibrations;
   if (!source.packages.empty()) json["packages"] = source.packages;
   return json;
 }

@@ -84,6 +84,16 @@ struct Planner::Impl {
   bool worldIsCurrent = false;
   std::vector<std::unique_ptr<GraspValidator>> validators;  // by arm
 
+  /// Null where epsilon is the quality.
+  const HoldCalibration* calibrationOf(const Hand& hand) const {
+    const auto& all = options.calibrations;
+    const auto at = std::find_if(all.begin(), all.end(), [&](const auto& each) { return each.hand == hand.name; });
+    if (at != all.end()) return &*at;
+    if (all.empty()) return nullptr;
+    throw InputError(fmt::format("{}: is for the hand {}, want a calibration for {} too", all.front().path,
+                                 all.front().hand, hand.name));
+  }
+
   /// The newest set of (object, hand); null when there is none.
   std::shared_ptr<const GraspTable> table(const std::string& object, const Hand& hand) {
     const auto key = std::pair(object, hand.name);
@@ -91,7 +101,8 @@ struct Planner::Impl {
     const int version = database.newestVersion(object, hand.name);
     if (version == 0) return nullptr;
     const auto path = database.setPath(object, hand.name, version);
-    return tables[key] = std::make_shared<const GraspTable>(makeGraspTable(readGraspSet(path), path.string(), hand));
+    return tables[key] = std::make_shared<const GraspTable>(
+               makeGraspTable(readGraspSet(path), path.string(), hand, calibrationOf(hand)));
   }
 
   VectorXd posture(const Scene& s) const {
@@ -378,6 +389,12 @@ struct Planner::Impl {
 std::optional<ScoreKind> scoreOf(std::string_view name) {
   const auto at = std::find(kScoreNames.begin(), kScoreNames.end(), name);
   return at == kScoreNames.end() ? std::nullopt : std::optional(static_cast<ScoreKind>(at - kScoreNames.begin()));
+}
+
+PlannerOptions withCalibrations(const std::vector<std::string>& paths) {
+  PlannerOptions options;
+  for (const std::string& path : paths) options.calibrations.push_back(readCalibration(path));
+  return options;
 }
 
 Planner::Planner(std::string databaseFolder, Robot robot, PlannerOptions options)

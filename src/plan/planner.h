@@ -31,7 +31,12 @@ struct PlannerOptions {
   std::uint64_t seed = 1;
   int maxChecksPerMotion = 60'000;  // postures asked for while one motion is searched
   int maxMotions = 20;              // valid grasps to which no motion was found, before giving up
+  /// When there are any, Gq is the probability that a grasp holds, and every hand needs one.
+  std::vector<HoldCalibration> calibrations = {};
 };
+
+/// With the calibrations in these files. @throws InputError  as readCalibration
+PlannerOptions withCalibrations(const std::vector<std::string>& paths);
 
 /// A grasp in its place in the ranking.
 struct RankedGrasp {
@@ -94,7 +99,7 @@ class Planner {
 
   /// Takes over a scene. The former one stays when this one is refused.
   /// @throws InputError  no set of the target with any of the arms' hands, an unknown arm, an unknown joint or one
-  /// outside its limits
+  /// outside its limits; a hand without calibration, or one of another kind than its set, where there are calibrations
   void setScene(Scene scene);
   /// Reads a scene file (scene/scene.h) and takes it over.
   void loadScene(const std::string& path);

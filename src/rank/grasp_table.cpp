@@ -53,10 +53,19 @@ void requireSameJoints(const GraspSet& set, const std::string& path, const Hand&
                                path, fmt::join(set.jointNames, ", "), hand.name, fmt::join(names, ", ")));
 }
 
+/// Gq of every grasp (n).
+std::vector<double> qualities(const GraspSet& set, const std::string& path, const HoldCalibration* calibration) {
+  if (calibration != nullptr) return holdProbabilities(*calibration, set, path);
+  std::vector<double> quality;
+  for (const double epsilon : set.epsilon) quality.push_back(epsilon / set.epsilon.front());
+  return quality;
+}
+
 }  // namespace
 
-GraspTable makeGraspTable(GraspSet set, const std::string& path, const Hand& hand) {
+GraspTable makeGraspTable(GraspSet set, const std::string& path, const Hand& hand, const HoldCalibration* calibration) {
   requireSameJoints(set, path, hand);
+  const std::vector<double> quality = qualities(set, path, calibration);
   GraspTable table;
   const std::size_t J = set.jointNames.size();
   const std::vector<bool> resting = restingLinks(set, hand);
@@ -69,6 +78,7 @@ GraspTable makeGraspTable(GraspSet set, const std::string& path, const Hand& han
     grasp.sideways = sidewaysOf(set, i, grasp.approach, resting);
     grasp.approachClear = set.approachClear[i] != 0;
     grasp.epsilon = set.epsilon[i];
+    grasp.quality = quality[i];
     grasp.trial = {set.trial[3 * i], set.trial[3 * i + 1], set.trial[3 * i + 2]};
     grasp.preshapePosition = rowOf(set.preshapeJointPosition, i, J);
     grasp.finalPosition = rowOf(set.jointPosition, i, J);

@@ -2,6 +2,7 @@
 
 #include "hand/hand.h"
 #include "store/grasp_set.h"
+#include "store/hold_calibration.h"
 
 #include <array>
 #include <cstdint>
@@ -22,6 +23,7 @@ struct StoredGrasp {
   Eigen::Vector3d sideways = Eigen::Vector3d::Zero();
   bool approachClear = false;  // the straight way in from outside is free of the object, as the set says
   double epsilon = 0;
+  double quality = 0;  // Gq, 0 to 1: epsilon by the set's best, or the calibrated probability that the grasp holds
   std::array<std::uint32_t, 3> trial;               // sample, roll, preshape
   Eigen::VectorXd preshapePosition, finalPosition;  // (J) of the hand, rad or m
 };
@@ -40,7 +42,10 @@ struct GraspTable {
   std::vector<float> mapWeight;            // (n,k), rows sum to 1
 };
 
-/// @throws InputError  the set's hand has other joints than `hand`: it was built with another one
-GraspTable makeGraspTable(GraspSet set, const std::string& path, const Hand& hand);
+/// @param calibration  what the grasps' quality comes from; null: epsilon
+/// @throws InputError  the set's hand has other joints than `hand`: it was built with another one; the calibration is
+/// for other sets
+GraspTable makeGraspTable(GraspSet set, const std::string& path, const Hand& hand,
+                          const HoldCalibration* calibration = nullptr);
 
 }  // namespace handhold

@@ -105,7 +105,6 @@ void ReachScorer::score(const GraspTable& table, const std::vector<bool>& wayIsF
                         const Eigen::Isometry3d& X_WO, const std::vector<ObstacleDistance>& obstacles,
                         std::vector<GraspScore>& scores) const {
   if (table.grasps.empty()) return;
-  const double best = table.grasps.front().epsilon;
   const std::size_t first = scores.size();
   const bool exact = arm.ik->isClosedForm();
   for (std::size_t i = 0; i < table.grasps.size(); ++i) {
@@ -113,7 +112,7 @@ void ReachScorer::score(const GraspTable& table, const std::vector<bool>& wayIsF
     GraspScore score;
     score.arm = armIndex_;
     score.grasp = static_cast<std::uint32_t>(i);
-    score.gq = static_cast<float>(grasp.epsilon / best);
+    score.gq = static_cast<float>(grasp.quality);
     if (!wayIsFree[i]) {
       scores.push_back(score);
       continue;

@@ -18,14 +18,12 @@ double clearance(const GraspTable& table, std::size_t grasp, std::span<const flo
 
 void scorePaper(const GraspTable& table, int arm, const Eigen::Isometry3d& X_WO, const Eigen::Vector3d& p_WS,
                 std::span<const float> D, const ScoreCoefficients& coefficients, std::vector<GraspScore>& scores) {
-  if (table.grasps.empty()) return;
-  const double best = table.grasps.front().epsilon;
   const Eigen::Vector3d towards_O = X_WO.linear().transpose() * (X_WO * table.centerOfMass - p_WS).normalized();
   for (std::size_t i = 0; i < table.grasps.size(); ++i) {
     GraspScore score;
     score.arm = arm;
     score.grasp = static_cast<std::uint32_t>(i);
-    score.gq = static_cast<float>(table.grasps[i].epsilon / best);
+    score.gq = static_cast<float>(table.grasps[i].quality);
     score.gb = static_cast<float>(table.grasps[i].approach.dot(towards_O));
     score.ge = static_cast<float>(clearance(table, i, D, coefficients.far));
     score.score = std::exp(coefficients.c1 * score.gq + coefficients.c2 * score.gb + coefficients.c3 * score.ge);

@@ -22,7 +22,7 @@ struct GraspScore {
 /// The score of Berenson et al. 2007, III:
 ///
 ///     G = exp(c1 Gq) exp(c2 Gb) exp(c3 Ge)                                                                     (1)
-///     Gq = epsilon / largest epsilon of the set
+///     Gq = epsilon / largest epsilon of the set, or the probability that the grasp holds (GraspTable)
 ///     Gb = cos angle(P_d, c_O - s)                                                                             (2)
 ///     Ge = sum over the k neighbours of P_t of weight_i D_i / far                                              (3)
 ///

@@ -95,6 +95,43 @@ class OnlineProgram(unittest.TestCase):
             if key != "timing_ms":
                 self.assertEqual(plan[key], again[key], key)
 
+    def test_calibration(self):
+        folder = self.folder / "calibration"
+        done = run(HANDHOLD, "physics", "--db", self.db, "--hand", "jaw", "--draw", 9, "--calibrate", folder)
+        if "was built without MuJoCo" in done.stderr:
+            self.skipTest("without MuJoCo")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        file = folder / "calibration-jaw.yaml"
+        rows = {}
+        for name, options in [("epsilon", []), ("calibrated", ["--calibration", file])]:
+            result = self.with_panda("rank", "--format", "json", "--top", 0, *options)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            rows[name] = {row["grasp"]: row for row in json.loads(result.stdout)}
+        self.assertEqual(rows["epsilon"].keys(), rows["calibrated"].keys())
+        for grasp, row in rows["calibrated"].items():
+            self.assertTrue(0 < row["gq"] < 1)
+            self.assertEqual((row["gb"], row["ge"]), (rows["epsilon"][grasp]["gb"], rows["epsilon"][grasp]["ge"]))
+        self.assertEqual(rows["epsilon"][0]["gq"], 1)
+        self.assertIn(f"gq by {file}", self.with_panda("rank", "--calibration", file).stdout)
+        # A plan says what it was made with, and its report makes it again with that.
+        out, page = self.folder / "calibrated.json", self.folder / "calibrated.html"
+        self.assertEqual(self.with_panda("plan", "--calibration", file, "--out", out).returncode, 0)
+        plan = json.loads(out.read_text())
+        self.assertEqual(plan["source"]["calibrations"], [str(file)])
+        self.assertAlmostEqual(plan["terms"]["gq"], rows["calibrated"][plan["grasp"]]["gq"], places=6)
+        self.assertEqual(run(PLAN, "report", out, "--out", page).returncode, 0)
+        self.assertIn("calibrated probability that the grasp holds", page.read_text())
+        # For another hand, damaged, or none: refused.
+        scene = self.folder / "other_hand.yaml"
+        scene.write_text("robot: {base: {position: [0, 0, 0.649]}, joints: home}\n"
+                         "target: {object: t_bar, pose: {position: [0.35, -0.2, 0.65]}}\n")
+        self.assert_refused(run(PLAN, "rank", "--robot", ROBOTS / "hrp2", "--scene", scene, "--db", self.db,
+                                "--calibration", file), "is for the hand jaw, want a calibration for hrp2 too")
+        file.write_text(file.read_text().replace("coefficient: ", "coefficient: 1", 1))
+        self.assert_refused(self.with_panda("rank", "--calibration", file), "calibration-jaw.yaml: is damaged")
+        self.assert_refused(self.with_panda("rank", "--calibration", self.scene), "scene.yaml: is no calibration")
+        self.assert_refused(self.with_panda("rank", "--calibration", folder / "none"), "none: cannot be read")
+
     def test_report(self):
         out, page = self.folder / "reported.json", self.folder / "plan.html"
         scene = self.folder / "crowded.yaml"

@@ -1,9 +1,11 @@
 // The paper's score against its formula, and the order of the reach score.
 #include "rank/score.h"
 
+#include "core/error.h"
 #include "rank/reach.h"
 #include "robot/inverse_kinematics.h"
 #include "scene/distance_map.h"
+#include "store/synthetic_calibration.h"
 #include "support/toy_box_set.h"
 
 #include <numbers>
@@ -103,6 +105,46 @@ TEST_F(Score, ReachPutsWhatCannotBeDoneLast) {
   scores.clear();
   scorer.score(table_, std::vector<bool>(table_.grasps.size(), false), arm, X_WO, {}, scores);
   for (const GraspScore& score : scores) EXPECT_LT(score.score, 0.01);
+}
+
+// Where clearance and position are equal, the calibrated probability decides, in both scores.
+TEST_F(Score, ACalibrationTakesThePlaceOfEpsilon) {
+  GraspSet set = toyBoxSet(jaw_);
+  for (std::size_t i = 0; i < set.graspCount(); ++i) {  // against the order of epsilon
+    set.criticalFriction[i] = 0.4F - 0.01F * static_cast<float>(i);
+  }
+  const HoldCalibration calibration = calibrationFor(set);
+  const std::vector<double> probabilities = holdProbabilities(calibration, set, "toy");
+  const GraspTable table = makeGraspTable(set, "toy", jaw_, &calibration);
+  const std::vector<float> D(table.mapPoint.size() / 3, 0.1F);
+  std::vector<GraspScore> scores;
+  scorePaper(table, 0, Eigen::Isometry3d::Identity(), {0, 0, 1}, D, {.c1 = 1, .c2 = 0, .c3 = 1}, scores);
+  ASSERT_EQ(scores.size(), probabilities.size());
+  for (std::size_t i = 0; i < scores.size(); ++i) {
+    EXPECT_EQ(scores[i].gq, static_cast<float>(probabilities[i]));
+    EXPECT_EQ(table.grasps[i].epsilon, set.epsilon[i]);
+  }
+  sortScores(scores);
+  EXPECT_NE(scores.front().grasp, 0u);  // the best by epsilon
+  for (std::size_t i = 1; i < scores.size(); ++i) {
+    EXPECT_GE(probabilities[scores[i - 1].grasp], probabilities[scores[i].grasp]);
+  }
+
+  const Robot robot = loadRobot(source() + "/robots/panda");
+  const auto ik = makeInverseKinematics(makeChain(robot, 0));
+  const ReachArm arm{Eigen::Isometry3d::Identity(), forwardKinematics(robot.body, robot.home)[robot.arms[0].baseLink],
+                     ik.get(), robot.home};
+  scores.clear();
+  ReachScorer(robot, 0).score(table, std::vector<bool>(table.grasps.size(), false), arm, Eigen::Isometry3d::Identity(),
+                              {}, scores);
+  for (std::size_t i = 0; i < scores.size(); ++i) EXPECT_EQ(scores[i].gq, static_cast<float>(probabilities[i]));
+}
+
+TEST_F(Score, ACalibrationOfOtherSetsIsRefused) {
+  GraspSet set = toyBoxSet(jaw_);
+  const HoldCalibration calibration = calibrationFor(set);
+  set.friction = 0.3;
+  EXPECT_THROW(makeGraspTable(set, "v0001.h5", jaw_, &calibration), InputError);
 }
 
 TEST_F(Score, AnotherHandIsRefused) {
