@@ -2,6 +2,7 @@
 
 #include "view/svg.h"
 
+#include <cmath>
 #include <cstddef>
 
 #include <fmt/format.h>
@@ -43,8 +44,12 @@ std::string rocSvg(const std::string& title, const std::vector<RocSeries>& serie
   for (std::size_t i = 0; i < series.size(); ++i, y += 18) {
     const char* colour = svg::kColours[i % svg::kColours.size()];
     std::string points;
-    for (const auto& [across, up] : series[i].points) {
-      points += fmt::format("{:.1f},{:.1f} ", square.x(across), square.y(up));
+    std::array<double, 2> last{-1, -1};
+    for (const auto& point : series[i].points) {
+      const bool isSeen = std::hypot(point[0] - last[0], point[1] - last[1]) * kSide >= 1;  // apart from the last
+      if (!isSeen && &point != &series[i].points.back()) continue;
+      points += fmt::format("{:.1f},{:.1f} ", square.x(point[0]), square.y(point[1]));
+      last = point;
     }
     body += fmt::format("<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\"/>\n", points, colour);
     body += line(square.x(0.42), y - 4, square.x(0.42) + 22, y - 4,
