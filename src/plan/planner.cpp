@@ -393,7 +393,14 @@ std::optional<ScoreKind> scoreOf(std::string_view name) {
 
 PlannerOptions withCalibrations(const std::vector<std::string>& paths) {
   PlannerOptions options;
-  for (const std::string& path : paths) options.calibrations.push_back(readCalibration(path));
+  for (const std::string& path : paths) {
+    HoldCalibration calibration = readCalibration(path);
+    for (const HoldCalibration& other : options.calibrations) {
+      if (other.hand != calibration.hand) continue;
+      throw InputError(fmt::format("{}: is for the hand {}, as {} is, want one", path, calibration.hand, other.path));
+    }
+    options.calibrations.push_back(std::move(calibration));
+  }
   return options;
 }
 

@@ -35,7 +35,7 @@ struct PlannerOptions {
   std::vector<HoldCalibration> calibrations = {};
 };
 
-/// With the calibrations in these files. @throws InputError  as readCalibration
+/// With the calibrations in these files. @throws InputError  as readCalibration; two are for one hand
 PlannerOptions withCalibrations(const std::vector<std::string>& paths);
 
 /// A grasp in its place in the ranking.

@@ -127,6 +127,7 @@ class OnlineProgram(unittest.TestCase):
                          "target: {object: t_bar, pose: {position: [0.35, -0.2, 0.65]}}\n")
         self.assert_refused(run(PLAN, "rank", "--robot", ROBOTS / "hrp2", "--scene", scene, "--db", self.db,
                                 "--calibration", file), "is for the hand jaw, want a calibration for hrp2 too")
+        self.assert_refused(self.with_panda("rank", "--calibration", file, "--calibration", file), "want one")
         file.write_text(file.read_text().replace("coefficient: ", "coefficient: 1", 1))
         self.assert_refused(self.with_panda("rank", "--calibration", file), "calibration-jaw.yaml: is damaged")
         self.assert_refused(self.with_panda("rank", "--calibration", self.scene), "scene.yaml: is no calibration")
