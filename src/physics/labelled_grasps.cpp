@@ -42,9 +42,9 @@ double numberOr(double value, double otherwise) { return std::isnan(value) ? oth
 class Worker {
  public:
   Worker(const SimulatedSet& set, const RecordedTrials& trials, SetWorker worker)
-      : set_(set),
+      : worker_(std::move(worker)),
+        set_(set),
         trials_(trials),
-        worker_(std::move(worker)),
         wrenches_(trials.wrenches()),
         tasks_(taskWrenches(trials.job())),
         load_(wrenches_),
@@ -98,9 +98,9 @@ class Worker {
         .share;
   }
 
+  SetWorker worker_;
   const SimulatedSet& set_;
   const RecordedTrials& trials_;
-  SetWorker worker_;
   WrenchModel wrenches_;
   TaskWrenches tasks_;
   LoadMarginSolver load_;
