@@ -18,4 +18,9 @@ Hand storedHand(const GraspSet& set) {
   return hand;
 }
 
+std::size_t trialOf(const GraspSet& set, std::size_t row) {
+  const std::uint32_t* index = set.trial.data() + 3 * row;  // sample, roll, preshape
+  return (index[0] * set.rolls + index[1]) * set.preshapes + index[2];
+}
+
 }  // namespace handhold

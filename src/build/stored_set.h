@@ -12,4 +12,7 @@ ObjectModel storedObject(const GraspSet& set);
 /// The hand of a set, with the preshapes of its job.
 Hand storedHand(const GraspSet& set);
 
+/// The trial that a grasp of a set came from: its index into N*R*M.
+std::size_t trialOf(const GraspSet& set, std::size_t row);
+
 }  // namespace handhold

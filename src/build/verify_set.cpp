@@ -85,8 +85,7 @@ class Recomputation {
     std::vector<std::size_t> comparable;
     for (const std::size_t row : rows) {
       if (cancel) return false;
-      const std::uint32_t* index = set_.trial.data() + 3 * row;
-      const std::size_t trial = (index[0] * set_.rolls + index[1]) * set_.preshapes + index[2];
+      const std::size_t trial = trialOf(set_, row);
       evaluateTrial(trial);
       ++report_.grasps;
       if (result.trial.outcome != GraspOutcome::forceClosed) {
@@ -176,7 +175,7 @@ std::optional<VerifyReport> SetVerifier::verify(const fs::path& path, std::size_
     Recomputation again(set, job, hand, report);
     if (again.checkInputs()) {
       const RandomStream random(hashText(fmt::format("{}/{}/{}", set.object, set.hand, set.setVersion)));
-      const auto fields = job.simulation == Simulation::fast ? fieldsOf(hand, cancel) : nullptr;
+      const auto fields = fields_.of(job, hand, cancel);
       if (!again.run(spreadSample(set.graspCount(), sample, random.child(0)),
                      spreadSample(set.trialCount(), sample, random.child(1)), fields, cancel)) {
         return std::nullopt;
@@ -189,12 +188,6 @@ std::optional<VerifyReport> SetVerifier::verify(const fs::path& path, std::size_
   }
   if (!report.mismatches.empty()) report.state = VerifyReport::State::differs;
   return report;
-}
-
-std::shared_ptr<const HandFields> SetVerifier::fieldsOf(const Hand& hand, const std::atomic<bool>& cancel) {
-  std::shared_ptr<const HandFields>& fields = fields_[hand.contentHash];
-  if (!fields) fields = makeHandFields(hand, &cancel);
-  return fields;
 }
 
 }  // namespace handhold

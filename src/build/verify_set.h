@@ -1,11 +1,9 @@
 #pragma once
 
-#include "simulate/fast_policy.h"
+#include "build/hand_fields_cache.h"
 #include "store/database.h"
 
 #include <atomic>
-#include <map>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -40,8 +38,7 @@ class SetVerifier {
                                      const std::atomic<bool>& cancel);
 
  private:
-  std::shared_ptr<const HandFields> fieldsOf(const Hand& hand, const std::atomic<bool>& cancel);
-  std::map<std::string, std::shared_ptr<const HandFields>> fields_;  // by the hand's contentHash
+  HandFieldsCache fields_;
 };
 
 }  // namespace handhold

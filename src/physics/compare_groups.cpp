@@ -71,7 +71,7 @@ std::array<std::vector<GraspPosture>, kGraspGroupNames.size()> GroupComparer::dr
   const DrawnGrasps drawn = drawGrasps(stored, counts[1], counts[2], seed);
   for (const std::size_t row : drawn.rows) groups[1].push_back(set.posture(row));
   if (stored.policy == kImportedPolicy) return groups;
-  const RecordedTrials trials(set, fields_.of(set.model().hand(), cancel));
+  const RecordedTrials trials(set, fields_, cancel);
   SetWorker worker = std::move(trials.makeWorkers(JobSystem(1)).front());
   const auto postureOf = [&](std::size_t trial) {
     const GraspCandidate candidate = trials.candidate(trial);

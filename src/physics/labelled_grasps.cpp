@@ -1,6 +1,7 @@
 #include "physics/labelled_grasps.h"
 
 #include "build/evaluate.h"
+#include "build/stored_set.h"
 #include "quality/true_cone.h"
 
 #include <algorithm>
@@ -20,10 +21,7 @@ struct Draw {
 std::vector<Draw> drawAll(const GraspSet& set, std::size_t count, std::uint64_t seed) {
   const DrawnGrasps drawn = drawGrasps(set, count, count, seed);
   std::vector<Draw> draws;
-  for (const std::size_t row : drawn.rows) {
-    const std::uint32_t* index = set.trial.data() + 3 * row;
-    draws.push_back({(index[0] * set.rolls + index[1]) * set.preshapes + index[2], row});
-  }
+  for (const std::size_t row : drawn.rows) draws.push_back({trialOf(set, row), row});
   for (const std::size_t trial : drawn.trials) draws.push_back({trial, std::nullopt});
   return draws;
 }
@@ -114,7 +112,7 @@ std::optional<std::vector<LabelledGrasp>> GraspLabeller::label(const SimulatedSe
                                                                std::uint64_t seed, const JobSystem& jobs,
                                                                const std::atomic<bool>& cancel) {
   const std::vector<Draw> draws = drawAll(set.set(), count, seed);
-  const RecordedTrials trials(set, fields_.of(set.model().hand(), cancel));
+  const RecordedTrials trials(set, fields_, cancel);
   std::vector<Worker> workers;
   for (SetWorker& worker : trials.makeWorkers(jobs)) workers.emplace_back(set, trials, std::move(worker));
   const RandomStream random = drawStream(set.set(), seed).child(4);

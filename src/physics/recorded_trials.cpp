@@ -38,15 +38,10 @@ DrawnGrasps drawGrasps(const GraspSet& set, std::size_t stored, std::size_t tria
   return drawn;
 }
 
-std::shared_ptr<const HandFields> HandFieldsCache::of(const Hand& hand, const std::atomic<bool>& cancel) {
-  std::shared_ptr<const HandFields>& fields = fields_[hand.contentHash];
-  if (!fields) fields = makeHandFields(hand, &cancel);
-  return fields;
-}
-
-RecordedTrials::RecordedTrials(const SimulatedSet& set, std::shared_ptr<const HandFields> fields)
-    : job_(parseJobSettings(set.set().job, "the stored job")), hand_(set.model().hand()) {
-  if (job_.simulation == Simulation::fast) fields_ = std::move(fields);
+RecordedTrials::RecordedTrials(const SimulatedSet& set, HandFieldsCache& fields, const std::atomic<bool>& cancel)
+    : job_(parseJobSettings(set.set().job, "the stored job")),
+      hand_(set.model().hand()),
+      fields_(fields.of(job_, hand_, cancel)) {
   item_.name = set.set().object;
   item_.friction = set.set().friction;
   object_ = sampleObject(job_, item_, storedObject(set.set()));

@@ -1,11 +1,11 @@
 #pragma once
 
 #include "build/build_set.h"
+#include "build/hand_fields_cache.h"
 #include "core/random.h"
 #include "physics/simulated_set.h"
 
 #include <atomic>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,21 +24,11 @@ RandomStream drawStream(const GraspSet& set, std::uint64_t seed);
 /// Up to `stored` rows and `trials` trials, in random order. A set of imported grasps has no trials.
 DrawnGrasps drawGrasps(const GraspSet& set, std::size_t stored, std::size_t trials, std::uint64_t seed);
 
-/// Fields of hands, each made once.
-class HandFieldsCache {
- public:
-  /// @throws Cancelled  soon after `cancel` became true
-  std::shared_ptr<const HandFields> of(const Hand& hand, const std::atomic<bool>& cancel);
-
- private:
-  std::map<std::string, std::shared_ptr<const HandFields>> fields_;  // by the hand's contentHash
-};
-
 /// The trials of a set, to be run again from its record. Immutable; `set` must outlive it.
 class RecordedTrials {
  public:
-  /// @param fields  of the set's hand; not used where the job simulates by the reference
-  RecordedTrials(const SimulatedSet& set, std::shared_ptr<const HandFields> fields);
+  /// @throws Cancelled  soon after `cancel` became true
+  RecordedTrials(const SimulatedSet& set, HandFieldsCache& fields, const std::atomic<bool>& cancel);
   RecordedTrials(const RecordedTrials&) = delete;
   RecordedTrials& operator=(const RecordedTrials&) = delete;
 
