@@ -1,7 +1,7 @@
 #include "store/hold_calibration.h"
 
-#include "core/error.h"
 #include "core/hash.h"
+#include "store/refusal.h"
 #include "store/synthetic_calibration.h"
 #include "store/synthetic_set.h"
 
@@ -20,12 +20,7 @@ class CalibrationFile : public testing::Test {
  protected:
   std::string refusal(const std::string& bytes) {
     writeBytes(path, bytes);
-    try {
-      readCalibration(path);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "accepted";
+    return refusalOf([&] { readCalibration(path); });
   }
   /// The file with another text in it, and the checksum of that.
   std::string changed(const std::string& from, const std::string& to) {
@@ -92,30 +87,25 @@ TEST_F(CalibrationFile, ProbabilitiesAreTheModels) {
 }
 
 TEST_F(CalibrationFile, IsForItsOwnKindOfSets) {
-  const auto refusalOf = [&](const GraspSet& other) -> std::string {
-    try {
-      requireSameKind(calibration, other, "v0001.h5");
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "accepted";
+  const auto refusalOfSet = [&](const GraspSet& other) {
+    return refusalOf([&] { requireSameKind(calibration, other, "v0001.h5"); });
   };
-  EXPECT_EQ(refusalOf(set), "accepted");
+  EXPECT_EQ(refusalOfSet(set), "accepted");
   GraspSet other = set;
   other.hand = "claw";
-  EXPECT_EQ(refusalOf(other), "v0001.h5: has hand claw, want " + set.hand + ", that of calibration.yaml");
+  EXPECT_EQ(refusalOfSet(other), "v0001.h5: has hand claw, want " + set.hand + ", that of calibration.yaml");
   other = set;
   other.friction = 0.3;
-  EXPECT_THAT(refusalOf(other), StartsWith("v0001.h5: has friction 0.3, want "));
+  EXPECT_THAT(refusalOfSet(other), StartsWith("v0001.h5: has friction 0.3, want "));
   other = set;
   other.config += "# another\n";
-  EXPECT_THAT(refusalOf(other), StartsWith("v0001.h5: has a hand with the hash "));
+  EXPECT_THAT(refusalOfSet(other), StartsWith("v0001.h5: has a hand with the hash "));
   other = set;
   other.linkMeshes[0].vertices[0].x() += 0.001;
-  EXPECT_THAT(refusalOf(other), StartsWith("v0001.h5: has a hand with the hash "));
+  EXPECT_THAT(refusalOfSet(other), StartsWith("v0001.h5: has a hand with the hash "));
   other = set;
   other.coneEdges = 12;
-  EXPECT_THAT(refusalOf(other), StartsWith("v0001.h5: has cone_edges 12, want "));
+  EXPECT_THAT(refusalOfSet(other), StartsWith("v0001.h5: has cone_edges 12, want "));
 }
 
 }  // namespace

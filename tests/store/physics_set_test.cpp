@@ -1,6 +1,6 @@
 #include "store/physics_set.h"
 
-#include "core/error.h"
+#include "store/refusal.h"
 #include "store/synthetic_physics.h"
 #include "store/synthetic_set.h"
 
@@ -20,12 +20,7 @@ class PhysicsFile : public testing::Test {
   std::string refusal(const std::string& bytes) {
     const fs::path path = folder.path() / "physics-v0001.h5";
     writeBytes(path, bytes);
-    try {
-      readPhysics(path);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "accepted";
+    return refusalOf([&] { readPhysics(path); });
   }
 
   TestFolder folder;
@@ -75,14 +70,7 @@ TEST_F(PhysicsFile, DamageIsTold) {
 
 TEST_F(PhysicsFile, ContradictionsAreRefused) {
   const fs::path path = folder.path() / "physics-v0001.h5";
-  const auto message = [&](const PhysicsSet& wrong) -> std::string {
-    try {
-      writePhysics(path, wrong);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "accepted";
-  };
+  const auto message = [&](const PhysicsSet& wrong) { return refusalOf([&] { writePhysics(path, wrong); }); };
   PhysicsSet wrong = physics;
   wrong.rotation.pop_back();
   EXPECT_THAT(message(wrong), HasSubstr("/load/rotation has 47 numbers, want shape (8, 6)"));

@@ -2,6 +2,7 @@
 
 #include "core/error.h"
 #include "store/database.h"
+#include "store/refusal.h"
 #include "store/synthetic_physics.h"
 #include "store/synthetic_set.h"
 
@@ -57,12 +58,7 @@ class Query : public testing::Test {
     return {values[3 * row], values[3 * row + 1], values[3 * row + 2]};
   }
   std::string refusal(const GraspQuery& query) {
-    try {
-      database.query(query);
-      return "NOT REFUSED";
-    } catch (const InputError& error) {
-      return error.what();
-    }
+    return refusalOf([&] { database.query(query); });
   }
 
   TestFolder folder;

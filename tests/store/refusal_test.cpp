@@ -1,4 +1,5 @@
-#include "core/error.h"
+#include "store/refusal.h"
+
 #include "core/hash.h"
 #include "store/database.h"
 #include "store/layout.h"
@@ -19,17 +20,6 @@ namespace fs = std::filesystem;
 
 constexpr int kFlips = 50;
 
-/// The message of the refusal; a text that no test wants when nothing is refused.
-template <class Function>
-std::string refusal(const Function& function) {
-  try {
-    function();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "NOT REFUSED";
-}
-
 /// Reading `bytes` as a file, by all three readers; `hashToo` is false where the damage lies beyond what the fast one
 /// reads.
 void expectRefusal(const std::string& bytes, const std::string& wanted, bool hashToo) {
@@ -37,10 +27,10 @@ void expectRefusal(const std::string& bytes, const std::string& wanted, bool has
   const fs::path path = folder.path() / "v0001.h5";
   writeBytes(path, bytes);
   const auto matcher = testing::AllOf(StartsWith(path.string() + ": "), HasSubstr(wanted));
-  EXPECT_THAT(refusal([&] { readGraspSet(path); }), matcher);
-  EXPECT_THAT(refusal([&] { readSummary(path); }), matcher);
+  EXPECT_THAT(refusalOf([&] { readGraspSet(path); }), matcher);
+  EXPECT_THAT(refusalOf([&] { readSummary(path); }), matcher);
   if (hashToo) {
-    EXPECT_THAT(refusal([&] { readInputHash(path); }), matcher);
+    EXPECT_THAT(refusalOf([&] { readInputHash(path); }), matcher);
   }
 }
 
@@ -52,14 +42,14 @@ std::string goodBytes() {
 
 TEST(Refusal, MissingFile) {
   const std::string wanted = "/nowhere/v0001.h5: cannot be read: No such file or directory";
-  EXPECT_EQ(refusal([] { readGraspSet("/nowhere/v0001.h5"); }), wanted);
-  EXPECT_EQ(refusal([] { readSummary("/nowhere/v0001.h5"); }), wanted);
-  EXPECT_EQ(refusal([] { readInputHash("/nowhere/v0001.h5"); }), wanted);
+  EXPECT_EQ(refusalOf([] { readGraspSet("/nowhere/v0001.h5"); }), wanted);
+  EXPECT_EQ(refusalOf([] { readSummary("/nowhere/v0001.h5"); }), wanted);
+  EXPECT_EQ(refusalOf([] { readInputHash("/nowhere/v0001.h5"); }), wanted);
 }
 
 TEST(Refusal, Folder) {
   const TestFolder folder;
-  EXPECT_THAT(refusal([&] { readGraspSet(folder.path()); }), HasSubstr("is a folder"));
+  EXPECT_THAT(refusalOf([&] { readGraspSet(folder.path()); }), HasSubstr("is a folder"));
 }
 
 TEST(Refusal, EmptyFile) { expectRefusal("", "is empty", true); }
@@ -205,7 +195,7 @@ TEST(Refusal, ContradictionsInside) {
     const fs::path path = folder.path() / line.substr(0, tab);
     const std::string image = bytesOf(path).substr(kBlockBytes);
     writeBytes(path, sealed(image, {"mug", "three-finger", 1, syntheticSet().inputHash, 0, ""}));
-    const std::string found = refusal([&] { readGraspSet(path); });
+    const std::string found = refusalOf([&] { readGraspSet(path); });
     EXPECT_THAT(found, StartsWith(path.string() + ": " + line.substr(tab + 1)));
   }
   EXPECT_GT(count, 80);
@@ -255,7 +245,7 @@ TEST(Refusal, WriterChecksTheSet) {
   for (const BadSet& bad : cases) {
     GraspSet set = syntheticSet();
     bad.apply(set);
-    EXPECT_THAT(refusal([&] { Database(folder.path()).write(set); }),
+    EXPECT_THAT(refusalOf([&] { Database(folder.path()).write(set); }),
                 StartsWith(std::string("set mug/three-finger: ") + bad.message));
   }
   EXPECT_TRUE(Database(folder.path()).files().empty());
