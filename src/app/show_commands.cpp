@@ -94,7 +94,8 @@ nlohmann::ordered_json toJson(const PhysicsSet& physics) {
 
 void printPhysics(const PhysicsSet& physics) {
   fmt::print(
-      "  physics     {} grasps simulated at friction {:.4g}; object's shape off by {:.2f} mm (p95), {:.2f} mm at most\n",
+      "  physics     {} grasps simulated at friction {:.4g}; object's shape off by {:.2f} mm (p95), {:.2f} mm at "
+      "most\n",
       physics.graspCount(), physics.friction, 1e3 * physics.shapeP95, 1e3 * physics.shapeMost);
   for (const std::string& test : physics.testNames) {
     const std::size_t held = countHeld(physics, test);

@@ -219,6 +219,29 @@ std::size_t SelectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& 
   return count;
 }
 
+void TakeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to) {
+  const D d;
+  const DU du;
+  const std::size_t N = hn::Lanes(d);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < waiting.count; i += N) {
+    const auto first = hn::LoadU(du, waiting.first + i);
+    const V x = hn::LoadU(d, waiting.x + i), y = hn::LoadU(d, waiting.y + i), z = hn::LoadU(d, waiting.z + i);
+    const auto wanted = hn::And(hn::Lt(first, hn::Set(du, until)), hn::FirstN(du, waiting.count - i));
+    const auto move = [&](const auto& mask, WaitingPoints& points, std::size_t at) {
+      const M asFloat = hn::RebindMask(d, mask);
+      storeSelected(asFloat, x, points.x + at);
+      storeSelected(asFloat, y, points.y + at);
+      storeSelected(asFloat, z, points.z + at);
+      return hn::CompressStore(first, mask, du, points.first + at);
+    };
+    const auto now = hn::Lt(first, hn::Set(du, due));
+    to.count += move(hn::And(wanted, now), to, to.count);
+    kept += move(hn::AndNot(now, wanted), waiting, kept);
+  }
+  waiting.count = kept;
+}
+
 constexpr int kMostNodes = 24;
 
 /// The smallest distance of each point to a motion's leaves at its own s, the change of that distance with s, and the
@@ -263,8 +286,8 @@ HWY_INLINE void motionDistance(const Motion& motion, std::span<const PlacedGrid>
   }
 }
 
-void RefineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const Points& points, const float* start,
-                  float from, float best, float* touched) {
+float RefineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const Points& points, const float* start,
+                   float from, float best) {
   constexpr int kRounds = 40;
   constexpr float kTouch = 5e-6F;    // m: found
   constexpr float kPassed = 4e-4F;   // m
@@ -272,16 +295,29 @@ void RefineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const
   constexpr float kGrazing = 0.05F;  // of the speed
   const D d;
   const std::size_t N = hn::Lanes(d);
-  const V infinity = hn::Set(d, kInfinity), begin = hn::Set(d, from), end = hn::Set(d, best);
+  const V begin = hn::Set(d, from);
+  // The group's vectors advance side by side, so that what one round finds ends the others' search after the same round
+  // for any width.
+  alignas(64) float sOf[kGroup], beforeOf[kGroup], distanceOf[kGroup], changeOf[kGroup], activeOf[kGroup];
   for (std::size_t i = 0; i < kGroup; i += N) {
-    const V3 p = load(points.x + i, points.y + i, points.z + i);
-    V s = hn::LoadU(d, start + i);
-    V result = infinity;
-    V distance = infinity, change = hn::Zero(d), speed, before = s;
-    M active = hn::Lt(s, end);
-    for (int round = 0; round < kRounds && !hn::AllFalse(d, active); ++round) {
-      const V lastDistance = distance, lastChange = change;
-      motionDistance(motion, grids, p, s, distance, change, speed);
+    const V s = hn::LoadU(d, start + i);
+    hn::Store(s, d, sOf + i);
+    hn::Store(s, d, beforeOf + i);
+    hn::Store(hn::Set(d, kInfinity), d, distanceOf + i);
+    hn::Store(hn::Zero(d), d, changeOf + i);
+    hn::Store(hn::IfThenElseZero(hn::Lt(s, hn::Set(d, best)), hn::Set(d, 1.0F)), d, activeOf + i);
+  }
+  float end = best;
+  bool searching = true;
+  for (int round = 0; round < kRounds && searching; ++round) {
+    V found = hn::Set(d, end);
+    for (std::size_t i = 0; i < kGroup; i += N) {
+      M active = hn::Gt(hn::Load(d, activeOf + i), hn::Zero(d));
+      if (hn::AllFalse(d, active)) continue;
+      const V s = hn::Load(d, sOf + i), before = hn::Load(d, beforeOf + i);
+      const V lastDistance = hn::Load(d, distanceOf + i), lastChange = hn::Load(d, changeOf + i);
+      V distance, change, speed;
+      motionDistance(motion, grids, load(points.x + i, points.y + i, points.z + i), s, distance, change, speed);
       // Passed by: the tangents on both sides meet below the closest approach. Where that is close the surface between
       // the points may have been touched.
       const V apex =
@@ -297,22 +333,35 @@ void RefineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const
       const M grazed = hn::And(hn::Lt(distance, hn::Set(d, -kTouch)), hn::Not(approaching));
       const M leaving = hn::And(grazed, atStart);
       const M hit = hn::And(active, hn::Or(hn::And(approaching, hn::Or(within, atStart)), hn::AndNot(leaving, grazed)));
-      result = hn::IfThenElse(hit, s, result);
+      found = hn::IfThenElse(hit, hn::Min(found, s), found);
       const M close = hn::AndNot(hit, hn::And(active, hn::AndNot(inside, passed)));
-      result = hn::IfThenElse(close, hn::Max(hn::Min(hn::Add(before, apex), s), before), result);
+      found = hn::IfThenElse(close, hn::Min(found, hn::Max(hn::Min(hn::Add(before, apex), s), before)), found);
       active = hn::AndNot(hn::Or(close, hn::Or(hit, leaving)), active);
-      before = s;
       const V newton = hn::Div(distance, hn::Neg(change));
       const V careful = hn::Div(hn::Max(distance, hn::Set(d, kCareful)), speed);
       V step = hn::IfThenElse(approaching, newton, careful);
       const V longest = hn::Div(hn::Set(d, 6e-3F), speed);
       step = hn::Min(hn::Max(step, hn::Neg(longest)), longest);
-      s = hn::IfThenElse(active, hn::Max(hn::Add(s, step), begin), s);
-      active = hn::And(active, hn::Lt(s, end));
+      hn::Store(hn::IfThenElse(active, hn::Max(hn::Add(s, step), begin), s), d, sOf + i);
+      hn::Store(s, d, beforeOf + i);
+      hn::Store(distance, d, distanceOf + i);
+      hn::Store(change, d, changeOf + i);
+      hn::Store(hn::IfThenElseZero(active, hn::Set(d, 1.0F)), d, activeOf + i);
     }
-    // Rounds used up: as far as it is known to be free, for the triangles to say.
-    hn::StoreU(hn::IfThenElse(active, s, result), d, touched + i);
+    end = hn::GetLane(hn::MinOfLanes(d, found));
+    searching = false;
+    for (std::size_t i = 0; i < kGroup; i += N) {
+      const V active = hn::Load(d, activeOf + i);
+      const M still = hn::And(hn::Gt(active, hn::Zero(d)), hn::Lt(hn::Load(d, sOf + i), hn::Set(d, end)));
+      hn::Store(hn::IfThenElseZero(still, active), d, activeOf + i);
+      searching = searching || !hn::AllFalse(d, still);
+    }
   }
+  // Rounds used up: as far as it is known to be free, for the triangles to say.
+  for (int i = 0; i < kGroup && searching; ++i) {
+    if (activeOf[i] > 0) end = std::min(end, sOf[i]);
+  }
+  return end < best ? end : kInfinity;
 }
 
 void Distances(std::span<const PlacedGrid> grids, const Points& points, float* distance) {
@@ -772,6 +821,7 @@ namespace handhold::kernels {
 
 HWY_EXPORT(SelectBlocks);
 HWY_EXPORT(SelectPoints);
+HWY_EXPORT(TakeDue);
 HWY_EXPORT(RefineMotion);
 HWY_EXPORT(Distances);
 HWY_EXPORT(SelectColumns);
@@ -794,9 +844,12 @@ std::size_t selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& 
                          std::uint32_t* firsts) {
   return HWY_DYNAMIC_DISPATCH(SelectPoints)(fine, shell, block, placement, from, to, x, y, z, firsts);
 }
-void refineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const Points& points, const float* s,
-                  float from, float best, float* touched) {
-  HWY_DYNAMIC_DISPATCH(RefineMotion)(motion, grids, points, s, from, best, touched);
+void takeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to) {
+  HWY_DYNAMIC_DISPATCH(TakeDue)(due, until, waiting, to);
+}
+float refineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const Points& points, const float* s,
+                   float from, float best) {
+  return HWY_DYNAMIC_DISPATCH(RefineMotion)(motion, grids, points, s, from, best);
 }
 void distances(std::span<const PlacedGrid> grids, const Points& points, float* distance) {
   HWY_DYNAMIC_DISPATCH(Distances)(grids, points, distance);

@@ -36,10 +36,19 @@ std::size_t selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& 
                          const Placement& placement, std::uint32_t from, std::uint32_t to, float* x, float* y, float* z,
                          std::uint32_t* firsts);
 
-/// Where each point is first touched in the motion, by Newton's method on the interpolated distance, from s on; +inf
-/// when it is not before `best`. `grids`: by leaf.
-void refineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const Points& points, const float* s,
-                  float from, float best, float* touched);
+/// Points that wait in arrays, ordered by nothing: those whose first touch is below `due` are moved to `to` (room for a
+/// group more than there are points), those from `until` on are dropped, the others stay in their order.
+struct WaitingPoints {
+  float *x, *y, *z;
+  std::uint32_t* first;
+  std::size_t count;
+};
+void takeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to);
+
+/// Where the first of the points is touched in the motion, by Newton's method on the interpolated distance, each from
+/// its s on; +inf when that is not before `best`. `grids`: by leaf.
+float refineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const Points& points, const float* s,
+                   float from, float best);
 
 /// The smallest signed distance of each point to any of the grids.
 void distances(std::span<const PlacedGrid> grids, const Points& points, float* distance);

@@ -605,16 +605,16 @@ class FastPolicy final : public GraspPolicy {
     float best = static_cast<float>(motion.range);
     std::uint32_t bestUnit = Motion::kNever;
     bool found = false;
-    std::size_t count = 0;
     reserveLanes(kGroup * (blocks + 2));
+    kernels::WaitingPoints waiting = {laneX_.data(), laneY_.data(), laneZ_.data(), laneLink_[0].data(), 0};
     for (int band = 0; band < kBands && (static_cast<std::uint32_t>(band) << kShift) < bestUnit; ++band) {
       for (std::uint32_t i = begin[band]; i < begin[band + 1]; ++i) {
-        count += kernels::selectPoints(motion.field->fine, *shell_, ordered_[i], placement, fromUnit, bestUnit,
-                                       &laneX_[count], &laneY_[count], &laneZ_[count], &laneLink_[0][count]);
+        const std::size_t at = waiting.count;
+        waiting.count += kernels::selectPoints(motion.field->fine, *shell_, ordered_[i], placement, fromUnit, bestUnit,
+                                               waiting.x + at, waiting.y + at, waiting.z + at, waiting.first + at);
       }
-      // Points that are due in this band; the others wait.
-      const std::uint32_t due = static_cast<std::uint32_t>(band + 1) << kShift;
-      std::size_t kept = 0;
+      kernels::WaitingPoints due = {low_[0].data(), low_[1].data(), high_[0].data(), laneLink_[1].data(), 0};
+      kernels::takeDue(static_cast<std::uint32_t>(band + 1) << kShift, bestUnit, waiting, due);
       Group group;
       const auto flush = [&] {
         if (group.count == 0) return;
@@ -622,32 +622,20 @@ class FastPolicy final : public GraspPolicy {
         // Close to the best the link cannot have passed through a point yet: then it lies inside at the best.
         const bool close = best < static_cast<float>(unit) * static_cast<float>((band + 2) << kShift);
         if (found && close && !anyInside(motion, group.points, best)) return;
-        alignas(64) float touched[kGroup];
-        kernels::refineMotion(motion, grids_, group.points, group.start, static_cast<float>(from), best, touched);
-        for (const float s : touched) {
-          if (s < best) {
-            best = s;
-            found = true;
-            bestUnit = static_cast<std::uint32_t>(std::max(0.0F, best / static_cast<float>(unit))) + 1;
-          }
-        }
+        const float s =
+            kernels::refineMotion(motion, grids_, group.points, group.start, static_cast<float>(from), best);
+        if (s >= best) return;
+        best = s;
+        found = true;
+        bestUnit = static_cast<std::uint32_t>(std::max(0.0F, best / static_cast<float>(unit))) + 1;
       };
-      for (std::size_t i = 0; i < count; ++i) {
-        const std::uint32_t first = laneLink_[0][i];
-        if (first >= bestUnit) continue;
-        if (!muted_.empty() && isMuted({laneX_[i], laneY_[i], laneZ_[i]})) continue;
-        if (first < due) {
-          const float start = std::max(static_cast<float>(from), static_cast<float>(first * unit));
-          if (group.push(laneX_[i], laneY_[i], laneZ_[i], start)) flush();
-        } else {
-          laneX_[kept] = laneX_[i];
-          laneY_[kept] = laneY_[i];
-          laneZ_[kept] = laneZ_[i];
-          laneLink_[0][kept++] = first;
-        }
+      for (std::size_t i = 0; i < due.count; ++i) {
+        if (due.first[i] >= bestUnit) continue;
+        if (!muted_.empty() && isMuted({due.x[i], due.y[i], due.z[i]})) continue;
+        const float start = std::max(static_cast<float>(from), static_cast<float>(due.first[i] * unit));
+        if (group.push(due.x[i], due.y[i], due.z[i], start)) flush();
       }
       flush();
-      count = kept;
     }
     return found ? best : kInfinity;
   }
