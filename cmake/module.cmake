@@ -8,6 +8,11 @@ target_compile_options(handhold_flags INTERFACE
 target_compile_features(handhold_flags INTERFACE cxx_std_20)
 target_include_directories(handhold_flags INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>)
 
+# Programs and tests: they parse, print and call the modules, and a quarter of their compilation is optimisation that saves
+# nothing when they run.
+add_library(handhold_shell_flags INTERFACE)
+target_compile_options(handhold_shell_flags INTERFACE $<$<CONFIG:Release>:-O1>)
+
 # Headers that nearly every file reads, compiled once; CMAKE_DISABLE_PRECOMPILE_HEADERS (preset clang) shows what a file forgot to
 # include.
 set(common_headers <algorithm> <array> <cmath> <filesystem> <functional> <map> <memory> <optional> <string> <vector>
@@ -39,7 +44,7 @@ function(handhold_test name)
   cmake_parse_arguments(TEST "" "TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
   list(TRANSFORM TEST_SOURCES PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/${name}/)
   add_executable(test_${name} ${TEST_SOURCES})
-  target_link_libraries(test_${name} PRIVATE handhold_flags GTest::gmock GTest::gtest_main fmt::fmt ${TEST_LIBRARIES})
+  target_link_libraries(test_${name} PRIVATE handhold_flags handhold_shell_flags GTest::gmock GTest::gtest_main fmt::fmt ${TEST_LIBRARIES})
   target_include_directories(test_${name} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
   target_precompile_headers(test_${name} REUSE_FROM handhold_test_headers)
   target_compile_definitions(test_${name} PRIVATE HANDHOLD_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
