@@ -141,13 +141,19 @@ HWY_INLINE Sampled sample(const Lattice<float>& lattice, const V3& p) {
   return result;
 }
 
-HWY_INLINE std::size_t storeSelected(M mask, V value, float* to) { return hn::CompressStore(value, mask, D(), to); }
-template <class VU>
-HWY_INLINE std::size_t storeSelected(M mask, VU value, std::uint32_t* to) {
-  return hn::CompressStore(value, hn::RebindMask(DU(), mask), DU(), to);
+/// Stores the selected lanes one after the other and returns their number. Writes a whole vector (where a processor has
+/// a narrower store of selected lanes it can be far slower), so `to` has room for a group more.
+HWY_INLINE std::size_t storeSelected(M mask, V value, float* to) {
+  const D d;
+  hn::StoreU(hn::Compress(value, mask), d, to);
+  return hn::CountTrue(d, mask);
+}
+HWY_INLINE std::size_t storeSelected(M mask, hn::Vec<DU> value, std::uint32_t* to) {
+  const DU du;
+  hn::StoreU(hn::Compress(value, hn::RebindMask(du, mask)), du, to);
+  return hn::CountTrue(D(), mask);
 }
 
-/// CompressStore may write a whole vector; these keep such writes within a group's worth of room.
 std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree& tree, const Placement& placement,
                          std::uint32_t from, std::uint32_t to, std::uint32_t* ids, std::uint32_t* firsts) {
   const D d;
@@ -184,7 +190,7 @@ std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree&
         last = hn::IfThenElse(hn::RebindMask(du, large), hn::Set(du, Motion::kLastUnit), last);
         const auto touch = hn::AndNot(hn::Lt(last, hn::Set(du, from)), hn::Lt(first, hn::Set(du, to)));
         const M mask = hn::RebindMask(d, touch);
-        hn::CompressStore(hn::Max(first, hn::Set(du, from)), touch, du, firsts + count);
+        storeSelected(mask, hn::Max(first, hn::Set(du, from)), firsts + count);
         count += storeSelected(mask, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
       }
     }
@@ -211,35 +217,38 @@ std::size_t SelectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& 
     const auto touch = hn::And(hn::RebindMask(du, inside),
                                hn::AndNot(hn::Lt(last, hn::Set(du, from)), hn::Lt(first, hn::Set(du, to))));
     const M mask = hn::RebindMask(d, touch);
+    if (hn::AllFalse(d, mask)) continue;
     storeSelected(mask, p.x, x + count);
     storeSelected(mask, p.y, y + count);
     storeSelected(mask, p.z, z + count);
-    count += hn::CompressStore(hn::Max(first, hn::Set(du, from)), touch, du, firsts + count);
+    count += storeSelected(mask, hn::Max(first, hn::Set(du, from)), firsts + count);
   }
   return count;
 }
 
-void TakeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to) {
+std::uint32_t TakeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to) {
   const D d;
   const DU du;
   const std::size_t N = hn::Lanes(d);
   std::size_t kept = 0;
+  auto least = hn::Set(du, until);
   for (std::size_t i = 0; i < waiting.count; i += N) {
     const auto first = hn::LoadU(du, waiting.first + i);
     const V x = hn::LoadU(d, waiting.x + i), y = hn::LoadU(d, waiting.y + i), z = hn::LoadU(d, waiting.z + i);
     const auto wanted = hn::And(hn::Lt(first, hn::Set(du, until)), hn::FirstN(du, waiting.count - i));
-    const auto move = [&](const auto& mask, WaitingPoints& points, std::size_t at) {
-      const M asFloat = hn::RebindMask(d, mask);
-      storeSelected(asFloat, x, points.x + at);
-      storeSelected(asFloat, y, points.y + at);
-      storeSelected(asFloat, z, points.z + at);
-      return hn::CompressStore(first, mask, du, points.first + at);
+    const auto move = [&](M mask, WaitingPoints& points, std::size_t at) {
+      storeSelected(mask, x, points.x + at);
+      storeSelected(mask, y, points.y + at);
+      storeSelected(mask, z, points.z + at);
+      return storeSelected(mask, first, points.first + at);
     };
-    const auto now = hn::Lt(first, hn::Set(du, due));
-    to.count += move(hn::And(wanted, now), to, to.count);
-    kept += move(hn::AndNot(now, wanted), waiting, kept);
+    const auto now = hn::Lt(first, hn::Set(du, due)), later = hn::AndNot(now, wanted);
+    to.count += move(hn::RebindMask(d, hn::And(wanted, now)), to, to.count);
+    kept += move(hn::RebindMask(d, later), waiting, kept);
+    least = hn::IfThenElse(later, hn::Min(least, first), least);
   }
   waiting.count = kept;
+  return hn::GetLane(hn::MinOfLanes(du, least));
 }
 
 constexpr int kMostNodes = 24;
@@ -417,16 +426,13 @@ std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, con
 
 std::size_t ColumnIntervals(const ColumnField& fine, const ObjectShell& shell, std::uint32_t block,
                             const Placement& placement, float from, float* x, float* y, float* z, float* const low[2],
-                            float* const high[2], std::uint32_t* const link[2]) {
+                            float* const high[2], std::uint32_t* nodes) {
   const D d;
-  const DI di;
   const DU du;
   const std::size_t N = hn::Lanes(d);
   std::size_t count = 0;
   const Lattice<float>& lattice = fine.top[0];
   const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
-  alignas(64) std::int32_t at[kGroup];
-  alignas(64) std::uint32_t links[2][kGroup];
   for (std::size_t i = begin; i < begin + kGroup; i += N) {
     M inside;
     const V3 p = move(placement, load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
@@ -434,11 +440,6 @@ std::size_t ColumnIntervals(const ColumnField& fine, const ObjectShell& shell, s
     const V top = hn::GatherIndex(d, lattice.value.data(), node);
     const M touch = hn::And(inside, hn::Ge(hn::Sub(top, p.z), hn::Set(d, from)));
     if (hn::AllFalse(d, touch)) continue;
-    hn::StoreU(node, di, at);
-    for (std::size_t k = 0; k < N; ++k) {
-      links[0][k] = fine.link[0][static_cast<std::size_t>(at[k])];
-      links[1][k] = fine.link[1][static_cast<std::size_t>(at[k])];
-    }
     storeSelected(touch, p.x, x + count);
     storeSelected(touch, p.y, y + count);
     storeSelected(touch, p.z, z + count);
@@ -446,8 +447,7 @@ std::size_t ColumnIntervals(const ColumnField& fine, const ObjectShell& shell, s
     storeSelected(touch, hn::Sub(top, p.z), high[0] + count);
     storeSelected(touch, hn::Sub(hn::GatherIndex(d, fine.bottom[1].value.data(), node), p.z), low[1] + count);
     storeSelected(touch, hn::Sub(hn::GatherIndex(d, fine.top[1].value.data(), node), p.z), high[1] + count);
-    storeSelected(touch, hn::LoadU(du, links[0]), link[0] + count);
-    count += storeSelected(touch, hn::LoadU(du, links[1]), link[1] + count);
+    count += storeSelected(touch, hn::BitCast(du, node), nodes + count);
   }
   return count;
 }
@@ -844,8 +844,8 @@ std::size_t selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& 
                          std::uint32_t* firsts) {
   return HWY_DYNAMIC_DISPATCH(SelectPoints)(fine, shell, block, placement, from, to, x, y, z, firsts);
 }
-void takeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to) {
-  HWY_DYNAMIC_DISPATCH(TakeDue)(due, until, waiting, to);
+std::uint32_t takeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to) {
+  return HWY_DYNAMIC_DISPATCH(TakeDue)(due, until, waiting, to);
 }
 float refineMotion(const Motion& motion, std::span<const PlacedGrid> grids, const Points& points, const float* s,
                    float from, float best) {
@@ -860,8 +860,8 @@ std::size_t selectColumns(const ColumnField& coarse, const SphereTree& tree, con
 }
 std::size_t columnIntervals(const ColumnField& fine, const ObjectShell& shell, std::uint32_t block,
                             const Placement& placement, float from, float* x, float* y, float* z, float* const low[2],
-                            float* const high[2], std::uint32_t* const link[2]) {
-  return HWY_DYNAMIC_DISPATCH(ColumnIntervals)(fine, shell, block, placement, from, x, y, z, low, high, link);
+                            float* const high[2], std::uint32_t* nodes) {
+  return HWY_DYNAMIC_DISPATCH(ColumnIntervals)(fine, shell, block, placement, from, x, y, z, low, high, nodes);
 }
 void innerIntervals(const ColumnField& inner, std::size_t count, const float* x, const float* y, const float* z,
                     float* const low[2], float* const high[2]) {

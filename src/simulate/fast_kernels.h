@@ -37,13 +37,14 @@ std::size_t selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& 
                          std::uint32_t* firsts);
 
 /// Points that wait in arrays, ordered by nothing: those whose first touch is below `due` are moved to `to` (room for a
-/// group more than there are points), those from `until` on are dropped, the others stay in their order.
+/// group more than there are points), those from `until` on are dropped, the others stay in their order. Returns the
+/// first touch among them, `until` when none stays.
 struct WaitingPoints {
   float *x, *y, *z;
   std::uint32_t* first;
   std::size_t count;
 };
-void takeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to);
+std::uint32_t takeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to);
 
 /// Where the first of the points is touched in the motion, by Newton's method on the interpolated distance, each from
 /// its s on; +inf when that is not before `best`. `grids`: by leaf.
@@ -58,10 +59,10 @@ std::size_t selectColumns(const ColumnField& coarse, const SphereTree& tree, con
                           std::uint32_t* ids);
 
 /// Of the points of one block, those that the hand may touch at some t >= from, moved into the palm frame: with two
-/// intervals of t and the link at the end of each. Returns their number.
+/// intervals of t and the field's node that holds them. Returns their number.
 std::size_t columnIntervals(const ColumnField& fine, const ObjectShell& shell, std::uint32_t block,
                             const Placement& placement, float from, float* x, float* y, float* z, float* const low[2],
-                            float* const high[2], std::uint32_t* const link[2]);
+                            float* const high[2], std::uint32_t* nodes);
 
 /// The inner intervals of t of `count` points in the palm frame (arrays with room for whole groups).
 void innerIntervals(const ColumnField& inner, std::size_t count, const float* x, const float* y, const float* z,

@@ -320,7 +320,7 @@ class FastPolicy final : public GraspPolicy {
     for (int k = 0; k < 2; ++k) {
       for (std::size_t i = 0; i < lanes_; ++i) {
         if (low_[k][i] > t || high_[k][i] <= t) continue;
-        const int link = static_cast<int>(laneLink_[k][i]);
+        const int link = preshape_->fine.link[k][laneNode_[i]];
         if (exitGroups_[link].push(laneX_[i], laneY_[i], laneZ_[i] + t, 0)) flush(link);
       }
     }
@@ -345,7 +345,8 @@ class FastPolicy final : public GraspPolicy {
   void reserveLanes(std::size_t room) {
     if (laneX_.size() >= room) return;
     for (auto* array : {&laneX_, &laneY_, &laneZ_, &low_[0], &low_[1], &high_[0], &high_[1]}) array->resize(room);
-    for (auto& array : laneLink_) array.resize(room);
+    laneNode_.resize(room);
+    dueFirst_.resize(room);
   }
 
   /// The same for the shell's points.
@@ -358,9 +359,8 @@ class FastPolicy final : public GraspPolicy {
     for (std::size_t i = 0; i < blocks; ++i) {
       float* const low[2] = {&low_[0][count], &low_[1][count]};
       float* const high[2] = {&high_[0][count], &high_[1][count]};
-      std::uint32_t* const link[2] = {&laneLink_[0][count], &laneLink_[1][count]};
       count += kernels::columnIntervals(preshape_->fine, *shell_, blockIds_[i], placement, static_cast<float>(start),
-                                        &laneX_[count], &laneY_[count], &laneZ_[count], low, high, link);
+                                        &laneX_[count], &laneY_[count], &laneZ_[count], low, high, &laneNode_[count]);
     }
     lanes_ = count;
     const auto first = static_cast<float>(start);
@@ -391,7 +391,7 @@ class FastPolicy final : public GraspPolicy {
         const float high = std::min(high_[k][i], top);
         if (high <= floor || low_[k][i] > top) continue;
         const int band = std::min(static_cast<int>((top - high) / kBand), kBands - 1);
-        exitBands_[band].push_back({static_cast<std::uint32_t>(i), laneLink_[k][i], high});
+        exitBands_[band].push_back({static_cast<std::uint32_t>(i), preshape_->fine.link[k][laneNode_[i]], high});
       }
     }
     float best = floor;
@@ -603,18 +603,20 @@ class FastPolicy final : public GraspPolicy {
     for (std::size_t i = 0; i < blocks; ++i) ordered_[next[blockFirsts_[i] >> kShift]++] = blockIds_[i];
 
     float best = static_cast<float>(motion.range);
-    std::uint32_t bestUnit = Motion::kNever;
+    std::uint32_t bestUnit = Motion::kNever, earliest = Motion::kNever;
     bool found = false;
     reserveLanes(kGroup * (blocks + 2));
-    kernels::WaitingPoints waiting = {laneX_.data(), laneY_.data(), laneZ_.data(), laneLink_[0].data(), 0};
+    kernels::WaitingPoints waiting = {laneX_.data(), laneY_.data(), laneZ_.data(), laneNode_.data(), 0};
     for (int band = 0; band < kBands && (static_cast<std::uint32_t>(band) << kShift) < bestUnit; ++band) {
       for (std::uint32_t i = begin[band]; i < begin[band + 1]; ++i) {
         const std::size_t at = waiting.count;
         waiting.count += kernels::selectPoints(motion.field->fine, *shell_, ordered_[i], placement, fromUnit, bestUnit,
                                                waiting.x + at, waiting.y + at, waiting.z + at, waiting.first + at);
       }
-      kernels::WaitingPoints due = {low_[0].data(), low_[1].data(), high_[0].data(), laneLink_[1].data(), 0};
-      kernels::takeDue(static_cast<std::uint32_t>(band + 1) << kShift, bestUnit, waiting, due);
+      const std::uint32_t end = static_cast<std::uint32_t>(band + 1) << kShift;
+      if (begin[band] == begin[band + 1] && earliest >= end) continue;
+      kernels::WaitingPoints due = {low_[0].data(), low_[1].data(), high_[0].data(), dueFirst_.data(), 0};
+      earliest = kernels::takeDue(end, bestUnit, waiting, due);
       Group group;
       const auto flush = [&] {
         if (group.count == 0) return;
@@ -886,7 +888,7 @@ class FastPolicy final : public GraspPolicy {
   std::vector<std::uint32_t> blockIds_, blockFirsts_, ordered_, nearIds_, scratchIds_;
   std::vector<float> laneX_, laneY_, laneZ_, low_[2], high_[2], innerLow_[2], innerHigh_[2];
   std::size_t lanes_ = 0;
-  std::vector<std::uint32_t> laneLink_[2];
+  std::vector<std::uint32_t> laneNode_, dueFirst_;
   std::vector<Group> exitGroups_ = std::vector<Group>(hand_.links.size());
   std::array<std::vector<ExitLane>, 4> exitBands_;
   std::vector<std::pair<double, double>> intervals_;
