@@ -749,7 +749,7 @@ class FastPolicy final : public GraspPolicy {
       const double end = gatheredAt + 0.9 * window / speed;
       const double next = std::max(std::min(s + first, end), from);
       const bool settled = std::abs(next - s) * speed < kConverged;
-      fresh = first * speed < -kSamePairs || next == end;
+      fresh = (gatheredAt - next) * speed > 0.75 * window || next == end;
       s = next;
       if (!settled) {
         // Only what touches about first can still be first.
