@@ -668,65 +668,86 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
   const std::size_t N = hn::Lanes(d);
   const auto& v = near.value;
   std::size_t count = 0;
-  for (std::uint32_t i = 0; i < near.id.size(); ++i) {
-    const auto all = [&](int k) { return V3{hn::Set(d, v[k][i]), hn::Set(d, v[k + 1][i]), hn::Set(d, v[k + 2][i])}; };
-    const V3 a = all(0), b = all(3), c = all(6), normal = all(9);
-    V lower[3], upper[3];
+  // Neighbours stand together: what a group of near triangles cannot meet is passed over for all of them.
+  for (std::size_t group = 0; group < near.id.size(); group += kGroup) {
+    alignas(64) float bound[6][kGroup];
+    float around[6];
     for (int axis = 0; axis < 3; ++axis) {
-      const float p = v[axis][i], q = v[3 + axis][i], r = v[6 + axis][i];
-      lower[axis] = hn::Set(d, std::min(p, std::min(q, r)) - reach);
-      upper[axis] = hn::Set(d, std::max(p, std::max(q, r)) + reach);
+      V lowest = hn::Set(d, kInfinity), highest = hn::Set(d, -kInfinity);
+      for (std::size_t i = 0; i < kGroup; i += N) {
+        const auto corner = [&](int k) { return hn::LoadU(d, &v[3 * k + axis][group + i]); };
+        const V p = corner(0), q = corner(1), r = corner(2), margin = hn::Set(d, reach);
+        const V lower = hn::Sub(hn::Min(p, hn::Min(q, r)), margin), upper = hn::Add(hn::Max(p, hn::Max(q, r)), margin);
+        hn::Store(lower, d, &bound[axis][i]);
+        hn::Store(upper, d, &bound[3 + axis][i]);
+        const M real = hn::FirstN(d, near.id.size() - std::min(near.id.size(), group + i));
+        lowest = hn::IfThenElse(real, hn::Min(lowest, lower), lowest);
+        highest = hn::IfThenElse(real, hn::Max(highest, upper), highest);
+      }
+      around[axis] = hn::GetLane(hn::MinOfLanes(d, lowest));
+      around[3 + axis] = hn::GetLane(hn::MaxOfLanes(d, highest));
     }
-    const auto meets = [&](const Boxes& boxes, std::size_t k) {
-      const auto along = [&](int axis) {
-        return hn::And(hn::Le(hn::LoadU(d, &boxes.bound[axis][k]), upper[axis]),
-                       hn::Ge(hn::LoadU(d, &boxes.bound[3 + axis][k]), lower[axis]));
-      };
-      return hn::And(along(0), hn::And(along(1), along(2)));
-    };
-    // Which of a run of boxes are met, by index.
-    const auto listMet = [&](const Boxes& boxes, std::size_t begin, std::size_t end, std::uint32_t* ids) {
+    // Which of sixteen boxes the group may meet, by index.
+    const auto listMet = [&](const Boxes& boxes, std::size_t begin, std::uint32_t* ids) {
       std::size_t n = 0;
-      for (std::size_t k = begin; k < end; k += N) {
-        n += storeSelected(meets(boxes, k), hn::Iota(du, static_cast<std::uint32_t>(k)), ids + n);
+      for (std::size_t k = begin; k < begin + kGroup; k += N) {
+        const auto along = [&](int axis) {
+          return hn::And(hn::Le(hn::LoadU(d, &boxes.bound[axis][k]), hn::Set(d, around[3 + axis])),
+                         hn::Ge(hn::LoadU(d, &boxes.bound[3 + axis][k]), hn::Set(d, around[axis])));
+        };
+        const M met = hn::And(along(0), hn::And(along(1), along(2)));
+        n += storeSelected(met, hn::Iota(du, static_cast<std::uint32_t>(k)), ids + n);
       }
       return n;
     };
-    const auto addPairs = [&](std::size_t block) {
+    const auto addPairs = [&](std::uint32_t b) {
       if (pairs.a.size() < count + 2 * kGroup) {
         for (auto* array : {&pairs.a, &pairs.b}) array->resize(2 * count + 4 * kGroup);
         for (auto* array : {&pairs.enter, &pairs.leave}) array->resize(2 * count + 4 * kGroup);
       }
-      for (std::size_t k = kGroup * block; k < kGroup * (block + 1); k += N) {
-        const auto value = [&](int j) { return hn::LoadU(d, &grid.triangle[j][k]); };
-        M may = meets(grid.triangleBoxes, k);
+      const auto value = [&](int k) { return hn::Set(d, grid.triangle[k][b]); };
+      for (std::size_t i = 0; i < kGroup; i += N) {
+        M may = hn::FirstN(d, near.id.size() - std::min(near.id.size(), group + i));
+        for (int axis = 0; axis < 3; ++axis) {
+          const V lower = hn::Load(d, &bound[axis][i]), upper = hn::Load(d, &bound[3 + axis][i]);
+          may = hn::And(may, hn::And(hn::Le(hn::Set(d, grid.triangleBoxes.bound[axis][b]), upper),
+                                     hn::Ge(hn::Set(d, grid.triangleBoxes.bound[3 + axis][b]), lower)));
+        }
         if (hn::AllFalse(d, may)) continue;
-        const V3 n = {value(9), value(10), value(11)};
-        const V offset = value(12);
-        const V da = hn::Sub(dot(n, a), offset), db = hn::Sub(dot(n, b), offset), dc = hn::Sub(dot(n, c), offset);
-        const V low = hn::Min(da, hn::Min(db, dc)), high = hn::Max(da, hn::Max(db, dc));
+        const auto all = [&](int k) { return load(&v[k][group + i], &v[k + 1][group + i], &v[k + 2][group + i]); };
+        const V3 corner = all(0), normal = all(9), n = {value(9), value(10), value(11)};
+        if (facing) {
+          may = hn::And(may, hn::Lt(dot(n, normal), hn::Zero(d)));
+          if (hn::AllFalse(d, may)) continue;
+        }
+        const V da = dot(n, corner), db = dot(n, all(3)), dc = dot(n, all(6)), offset = value(12);
+        const V low = hn::Sub(hn::Min(da, hn::Min(db, dc)), offset),
+                high = hn::Sub(hn::Max(da, hn::Max(db, dc)), offset);
         may = hn::And(may, hn::And(hn::Le(low, hn::Set(d, reach)), hn::Ge(high, hn::Set(d, -reach))));
-        if (facing) may = hn::And(may, hn::Lt(dot(n, normal), hn::Zero(d)));
         if (hn::AllFalse(d, may)) continue;
         V lowest = hn::Set(d, kInfinity), highest = hn::Set(d, -kInfinity);
-        for (int j = 0; j < 9; j += 3) {
-          const V side = dot(normal, V3{value(j), value(j + 1), value(j + 2)} - a);
+        for (int k = 0; k < 9; k += 3) {
+          const V side = dot(normal, V3{value(k), value(k + 1), value(k + 2)} - corner);
           lowest = hn::Min(lowest, side);
           highest = hn::Max(highest, side);
         }
         may = hn::And(may, hn::And(hn::Le(lowest, hn::Set(d, reach)), hn::Ge(highest, hn::Set(d, -reach))));
-        const std::size_t found = storeSelected(may, hn::Iota(du, static_cast<std::uint32_t>(k)), &pairs.b[count]);
-        std::fill_n(&pairs.a[count], found, i);
+        const std::size_t found =
+            storeSelected(may, hn::Iota(du, static_cast<std::uint32_t>(group + i)), &pairs.a[count]);
+        std::fill_n(&pairs.b[count], found, b);
         count += found;
       }
     };
-    alignas(64) std::uint32_t superblocks[2 * kGroup], blocks[2 * kGroup];
+    alignas(64) std::uint32_t superblocks[2 * kGroup], blocks[2 * kGroup], triangles[2 * kGroup];
     for (std::size_t s = 0; s < grid.superblockBoxes.size(); s += kGroup) {
-      const std::size_t metAbove = listMet(grid.superblockBoxes, s, s + kGroup, superblocks);
-      for (std::size_t j = 0; j < metAbove; ++j) {
-        const std::size_t begin = static_cast<std::size_t>(superblocks[j]) * kGroup;
-        const std::size_t met = listMet(grid.blockBoxes, begin, begin + kGroup, blocks);
-        for (std::size_t k = 0; k < met; ++k) addPairs(blocks[k]);
+      const std::size_t metAbove = listMet(grid.superblockBoxes, s, superblocks);
+      for (std::size_t i = 0; i < metAbove; ++i) {
+        const std::size_t met = listMet(grid.blockBoxes, static_cast<std::size_t>(superblocks[i]) * kGroup, blocks);
+        for (std::size_t j = 0; j < met; ++j) {
+          const std::size_t within =
+              listMet(grid.triangleBoxes, static_cast<std::size_t>(blocks[j]) * kGroup, triangles);
+          for (std::size_t k = 0; k < within; ++k) addPairs(triangles[k]);
+        }
       }
     }
   }
