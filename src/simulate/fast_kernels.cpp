@@ -181,15 +181,9 @@ std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree&
         const VI node = nearestNode(coarse, p, inside);
         const auto cell =
             hn::BitCast(du, hn::GatherIndex(DI(), reinterpret_cast<const std::int32_t*>(coarse.value.data()), node));
-        const M large =
-            hn::Gt(hn::LoadU(d, &tree.blocks.radius[b]), hn::Set(d, static_cast<float>(Motion::kBlockRadius)));
-        const auto asMask = hn::RebindMask(du, inside);
-        auto first = hn::IfThenElse(asMask, hn::And(cell, hn::Set(du, 0xFFFFU)), hn::Set(du, Motion::kNever));
-        auto last = hn::IfThenElseZero(asMask, hn::ShiftRight<16>(cell));
-        first = hn::IfThenElse(hn::RebindMask(du, large), hn::Zero(du), first);  // no bound for blocks of this size
-        last = hn::IfThenElse(hn::RebindMask(du, large), hn::Set(du, Motion::kLastUnit), last);
+        const auto first = hn::And(cell, hn::Set(du, 0xFFFFU)), last = hn::ShiftRight<16>(cell);
         const auto touch = hn::AndNot(hn::Lt(last, hn::Set(du, from)), hn::Lt(first, hn::Set(du, to)));
-        const M mask = hn::RebindMask(d, touch);
+        const M mask = hn::And(inside, hn::RebindMask(d, touch));
         storeSelected(mask, hn::Max(first, hn::Set(du, from)), firsts + count);
         count += storeSelected(mask, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
       }
@@ -413,10 +407,8 @@ std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, con
         p.z = zero;
         const VI node = nearestNode(lattice, p, inside);
         const V top = hn::GatherIndex(d, lattice.value.data(), node);
-        const M large =
-            hn::Gt(hn::LoadU(d, &tree.blocks.radius[b]), hn::Set(d, static_cast<float>(Motion::kBlockRadius)));
         const M real = hn::Lt(hn::Abs(z), hn::Set(d, 1e3F));
-        const M touch = hn::And(real, hn::Or(large, hn::And(inside, hn::Ge(hn::Sub(top, z), hn::Set(d, from)))));
+        const M touch = hn::And(real, hn::And(inside, hn::Ge(hn::Sub(top, z), hn::Set(d, from))));
         count += storeSelected(touch, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
       }
     }

@@ -254,11 +254,11 @@ Lattice<std::uint32_t> firstTouchField(const std::vector<const LinkGrid*>& grids
 FirstTouch firstTouchFields(const std::vector<const LinkGrid*>& grids, const PoseTable& table,
                             const std::atomic<bool>* cancel) {
   // The ball about a node holds those of the next finer field's nodes in its cell.
-  const double aroundCoarse = reachOf(kCoarseStep, Motion::kBlockRadius);
+  const double aroundCoarse = reachOf(kCoarseStep, ObjectShell::kBlockRadius);
   const Lattice<std::uint32_t> wide = firstTouchField(grids, table, kWideStep, aroundCoarse, nullptr, cancel);
   FirstTouch touch;
-  touch.coarse = firstTouchField(grids, table, kCoarseStep, Motion::kBlockRadius, &wide, cancel);
-  static_assert(Motion::kBlockRadius > kFineStep);
+  touch.coarse = firstTouchField(grids, table, kCoarseStep, ObjectShell::kBlockRadius, &wide, cancel);
+  static_assert(ObjectShell::kBlockRadius > kFineStep);
   touch.fine = firstTouchField(grids, table, kFineStep, 0, &touch.coarse, cancel);
   return touch;
 }
@@ -490,7 +490,7 @@ HandFields::HandFields(const Hand& hand, const std::atomic<bool>* cancel)
     preshape.apart = models.apart(pairsThatMove(hand), preshape.X_HL);
     preshape.fine = columnField(*this, preshape, kFineColumn, 0, cancel);
     preshape.inner = innerColumns(*this, preshape, preshape.fine, cancel);
-    preshape.coarse = columnField(*this, preshape, kCoarseColumn, Motion::kBlockRadius, cancel);
+    preshape.coarse = columnField(*this, preshape, kCoarseColumn, ObjectShell::kBlockRadius, cancel);
     for (const ClosingStep& step : steps) {
       PreshapeFields::Step s;
       const auto addPart = [&](ClosingPart part, bool overWholeRange) {

@@ -41,7 +41,7 @@ struct MotionLeaf {
 };
 
 /// For each lattice node the first and the last s at which a point within half a cell of the node (and within
-/// Motion::kBlockRadius of that in the coarse field) can be touched, in units of range / kLastUnit, packed as
+/// ObjectShell::kBlockRadius of that in the coarse field) can be touched, in units of range / kLastUnit, packed as
 /// first + (last << 16).
 struct FirstTouch {
   Lattice<std::uint32_t> fine, coarse;
@@ -52,7 +52,6 @@ struct FirstTouch {
 struct Motion {
   static constexpr std::uint32_t kLastUnit = 0xFFFE;
   static constexpr std::uint32_t kNever = 0xFFFF;  // first = kNever, last = 0
-  static constexpr double kBlockRadius = 8e-3;     // m
 
   std::optional<Mover> mover;                              // nothing: the hand slides as a whole
   bool turns = true;                                       // the driver is revolute
@@ -68,7 +67,7 @@ struct Motion {
 };
 
 /// The intervals of z that the hand in one preshape covers above (x, y) of the palm frame, at most two, the higher one
-/// first, for points within half a cell of a lattice node (fine) and for blocks within Motion::kBlockRadius (coarse).
+/// first, for points within half a cell of a lattice node (fine) and for blocks within ObjectShell::kBlockRadius (coarse).
 struct ColumnField {
   Lattice<float> top[2], bottom[2];   // bottom > top: no interval
   std::vector<std::uint8_t> link[2];  // that ends the interval at its top

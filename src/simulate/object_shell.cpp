@@ -138,6 +138,30 @@ SphereTree makeTree(const SphereTree::Spheres& spheres) {
   return tree;
 }
 
+/// Adds the points as blocks of 16 in balls of kBlockRadius, as few as halving across the longest side takes.
+void addBlocks(const std::vector<Vector3d>& place, std::vector<std::uint32_t>::iterator begin,
+               std::vector<std::uint32_t>::iterator end, std::vector<std::uint32_t>& order) {
+  constexpr double kRounding = 1e-6;  // m
+  Eigen::AlignedBox3d box;
+  for (auto i = begin; i != end; ++i) box.extend(place[*i]);
+  const auto isWithin = [&](std::uint32_t i) {
+    return (place[i] - box.center()).norm() <= ObjectShell::kBlockRadius - kRounding;
+  };
+  if (std::all_of(begin, end, isWithin)) {
+    order.insert(order.end(), begin, end);
+    while (order.size() % kWidth != 0) order.push_back(order.back());
+    return;
+  }
+  int axis = 0;
+  box.sizes().maxCoeff(&axis);
+  const auto middle = begin + (end - begin) / 2;
+  std::nth_element(begin, middle, end, [&](std::uint32_t a, std::uint32_t b) {
+    return std::pair(place[a][axis], a) < std::pair(place[b][axis], b);
+  });
+  addBlocks(place, begin, middle, order);
+  addBlocks(place, middle, end, order);
+}
+
 /// The smallest sphere around a triangle: about the middle of the longest edge where the triangle is obtuse, else the
 /// circumscribed one.
 std::pair<Vector3d, double> boundingSphere(const Corners& t) {
@@ -228,8 +252,12 @@ ObjectShell::ObjectShell(const ObjectModel& object) : closed(object.watertight) 
     place.emplace_back(p[0], p[1], p[2]);
     radius = std::max(radius, place.back().norm());
   }
+  std::vector<std::uint32_t> neighbours = orderByPlace(place), order;
+  for (auto begin = neighbours.begin(); begin != neighbours.end(); begin += kWidth) {
+    addBlocks(place, begin, begin + kWidth, order);
+  }
   SphereTree::Spheres points;
-  for (const std::uint32_t i : orderByPlace(place)) {
+  for (const std::uint32_t i : order) {
     for (int k = 0; k < 3; ++k) point[k].push_back(static_cast<float>(place[i][k]));
     points.add(place[i], 0);
   }
