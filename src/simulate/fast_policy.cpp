@@ -31,7 +31,9 @@ constexpr double kHiddenWindow = 3e-3;                     // m, a free window t
 constexpr float kCaution = 2.5e-4F;                        // m, that an interpolated depth may be too large by
 constexpr float kWorthAStep = 1e-4F;                       // m
 constexpr std::size_t kMostMuted = 16;                     // planes of slides that a motion keeps
-constexpr int kMostRounds = 24;  // of any exact search, before the trial goes to the reference
+// Before the trial goes to the reference: of an exact search about one place, and of places that a motion passes, as
+// many as half a millimetre each takes through the longest slide.
+constexpr int kMostRounds = 24, kMostPlaces = 600;
 
 /// The trial goes to the reference.
 struct Unsettled {};
@@ -291,7 +293,7 @@ class FastPolicy final : public GraspPolicy {
     float* const high[2] = {innerHigh_[0].data(), innerHigh_[1].data()};
     kernels::innerIntervals(preshape_->inner, lanes_, laneX_.data(), laneY_.data(), laneZ_.data(), low, high);
     double t = start;
-    for (int round = 0; round < 8 * kMostRounds; ++round) {
+    for (int round = 0; round < kMostPlaces; ++round) {
       t = kernels::climb(static_cast<float>(t), lanes_, low, high);
       if (t > guess - kHiddenWindow) return guess;
       if (const float depth = deepestPoint(static_cast<float>(t)); depth > kWorthAStep) {
@@ -527,7 +529,7 @@ class FastPolicy final : public GraspPolicy {
     X_BS_ = trial.X_OH.inverse() * fromShell();
     if (motion.mover) X_BS_ = motion.X_BP * X_HL_[motion.baseLink].inverse() * X_BS_;
     muted_.clear();
-    for (int round = 0; round < kMostRounds; ++round) {
+    for (int round = 0; round < kMostPlaces; ++round) {
       if (from >= motion.range) return {motion.range, false};
       const double guess = shellTouch(motion, from);
       // At the limit a shallow touch between the points may still show.

@@ -67,7 +67,8 @@ struct Motion {
 };
 
 /// The intervals of z that the hand in one preshape covers above (x, y) of the palm frame, at most two, the higher one
-/// first, for points within half a cell of a lattice node (fine) and for blocks within ObjectShell::kBlockRadius (coarse).
+/// first, for points within half a cell of a lattice node (fine) and for blocks within ObjectShell::kBlockRadius
+/// (coarse).
 struct ColumnField {
   Lattice<float> top[2], bottom[2];   // bottom > top: no interval
   std::vector<std::uint8_t> link[2];  // that ends the interval at its top

@@ -36,7 +36,7 @@ struct ObjectShell {
   static constexpr double kSharpEdgeStep = 1.2e-3;        // m, between points along edges that stick out
   static constexpr std::size_t kMostTriangles = 400'000;  // with more the longest edge grows
 
-  static constexpr double kBlockRadius = 7e-3;            // m, of the points' blocks at most
+  static constexpr double kBlockRadius = 7e-3;  // m, of the points' blocks at most
 
   explicit ObjectShell(const ObjectModel& object);
 
@@ -46,7 +46,8 @@ struct ObjectShell {
   double radius = 0;  // m, around `center`
 
   SphereTree pointTree;
-  /// The corners of the small triangles and points along edges that stick out; block b at 16 b, filled up with its last.
+  /// The corners of the small triangles and points along edges that stick out; block b at 16 b, filled up with its
+  /// last.
   std::array<std::vector<float>, 3> point;
 
   SphereTree triangleTree;
