@@ -68,6 +68,36 @@ Eigen::AlignedBox3d boxOf(const Corners& t, double margin) {
   return {t[0].cwiseMin(t[1]).cwiseMin(t[2]).array() - margin, t[0].cwiseMax(t[1]).cwiseMax(t[2]).array() + margin};
 }
 
+constexpr int kLinkCorner = 3, kEdges = 6;  // where in FeaturePairs they begin
+
+/// The pairs of features that may be within `reach`. Most triangles have none. They are ruled out by a gap along an
+/// axis of length one (a normal, a coordinate axis, the common normal of two edges), which is no larger than their
+/// distance, however badly the axis is known.
+FeaturePairs closeFeatures(const ContactTriangle& object, const ContactTriangle& link, double reach) {
+  const Corners &a = object.corners, &b = link.corners;
+  const Sides sidesA = sidesOf(a, b, link.normal, reach);
+  if (sidesA.areBeyond(kAllCorners)) return 0;
+  const Sides sidesB = sidesOf(b, a, object.normal, reach);
+  if (sidesB.areBeyond(kAllCorners)) return 0;
+  FeaturePairs close = 0;
+  const auto set = [&](int bit) { close |= FeaturePairs{1} << bit; };
+  const Eigen::AlignedBox3d boxA = boxOf(a, reach), boxB = boxOf(b, reach);
+  for (int i = 0; i < 3; ++i) {
+    if (!sidesA.areBeyond(kCorner[i]) && boxB.contains(a[i])) set(i);
+    if (!sidesB.areBeyond(kCorner[i]) && boxA.contains(b[i])) set(kLinkCorner + i);
+  }
+  for (int i = 0; i < 3; ++i) {
+    if (sidesA.areBeyond(kEdge[i])) continue;
+    const Vector3d &p0 = a[i], &p1 = a[(i + 1) % 3];
+    for (int j = 0; j < 3; ++j) {
+      const Vector3d &q0 = b[j], &q1 = b[(j + 1) % 3];
+      if (sidesB.areBeyond(kEdge[j]) || edgesAreApart(p0, p1, q0, q1, reach)) continue;
+      if (!linesAreApart(p0, p1 - p0, q0, q1 - q0, reach)) set(kEdges + 3 * i + j);
+    }
+  }
+  return close;
+}
+
 /// The candidate that stays of those at one place; position and normal keep the order of adding out of it.
 bool isBetter(const ContactCandidate& a, const ContactCandidate& b) {
   const auto rank = [](const ContactCandidate& c) {
@@ -138,10 +168,14 @@ Vector3d closestPointOnTriangle(const Vector3d& p, const Corners& triangle) {
   return a + vb * scale * ab + vc * scale * ac;
 }
 
-// Most pairs have no candidate. Features are ruled out by a gap along an axis of length one (a normal, a coordinate
-// axis, the common normal of two edges), which is no larger than their distance, however badly the axis is known.
 void addContactCandidates(const ContactTriangle& object, const ContactTriangle& link, double contactDistance,
                           bool twoSided, std::vector<ContactCandidate>& candidates) {
+  const FeaturePairs close = closeFeatures(object, link, contactDistance + kRounding);
+  addContactCandidates(object, link, close, contactDistance, twoSided, candidates);
+}
+
+void addContactCandidates(const ContactTriangle& object, const ContactTriangle& link, FeaturePairs close,
+                          double contactDistance, bool twoSided, std::vector<ContactCandidate>& candidates) {
   Vector3d normal = object.normal;
   double facing = normal.dot(link.normal);
   if (twoSided && facing > 0) {
@@ -149,32 +183,21 @@ void addContactCandidates(const ContactTriangle& object, const ContactTriangle& 
     facing = -facing;
   }
   if (facing >= 0) return;
-  const double reach = contactDistance + kRounding;
-  const Corners &a = object.corners, &b = link.corners;
-  const Sides sidesA = sidesOf(a, b, link.normal, reach);
-  if (sidesA.areBeyond(kAllCorners)) return;
-  const Sides sidesB = sidesOf(b, a, object.normal, reach);
-  if (sidesB.areBeyond(kAllCorners)) return;
-
   const auto add = [&](const Vector3d& onObject, const Vector3d& onLink) {
     const double gap = (onObject - onLink).norm();
     if (gap <= contactDistance) candidates.push_back({onObject, normal, gap, facing});
   };
-  const Eigen::AlignedBox3d boxA = boxOf(a, reach), boxB = boxOf(b, reach);
-  for (int i = 0; i < 3; ++i) {
-    if (!sidesA.areBeyond(kCorner[i]) && boxB.contains(a[i])) add(a[i], closestPointOnTriangle(a[i], b));
-  }
-  for (int i = 0; i < 3; ++i) {
-    if (!sidesB.areBeyond(kCorner[i]) && boxA.contains(b[i])) add(closestPointOnTriangle(b[i], a), b[i]);
-  }
-  for (int i = 0; i < 3; ++i) {
-    if (sidesA.areBeyond(kEdge[i])) continue;
-    const Vector3d &p0 = a[i], &p1 = a[(i + 1) % 3];
-    for (int j = 0; j < 3; ++j) {
-      const Vector3d &q0 = b[j], &q1 = b[(j + 1) % 3];
-      if (sidesB.areBeyond(kEdge[j]) || edgesAreApart(p0, p1, q0, q1, reach)) continue;
-      if (linesAreApart(p0, p1 - p0, q0, q1 - q0, reach)) continue;
-      const auto [p, q] = closestOnSegments(p0, p1, q0, q1);
+  const Corners &a = object.corners, &b = link.corners;
+  for (FeaturePairs left = close; left != 0; left &= left - 1) {
+    const int bit = std::countr_zero(left);
+    if (bit < kLinkCorner) {
+      add(a[bit], closestPointOnTriangle(a[bit], b));
+    } else if (bit < kEdges) {
+      const Vector3d& p = b[bit - kLinkCorner];
+      add(closestPointOnTriangle(p, a), p);
+    } else {
+      const int i = (bit - kEdges) / 3, j = (bit - kEdges) % 3;
+      const auto [p, q] = closestOnSegments(a[i], a[(i + 1) % 3], b[j], b[(j + 1) % 3]);
       add(p, q);
     }
   }

@@ -36,6 +36,15 @@ ContactTriangle contactTriangle(const Corners& corners);
 void addContactCandidates(const ContactTriangle& object, const ContactTriangle& link, double contactDistance,
                           bool twoSided, std::vector<ContactCandidate>& candidates);
 
+/// The pairs of features of two triangles, a bit each: corner i of the object's against the link's triangle is bit i,
+/// corner j of the link's against the object's triangle 3 + j, edge i of the object's against edge j of the link's
+/// 6 + 3 i + j. Edge i runs from corner i to the next.
+using FeaturePairs = std::uint32_t;
+
+/// The same where all pairs of features within the contact distance are known to be among `close`.
+void addContactCandidates(const ContactTriangle& object, const ContactTriangle& link, FeaturePairs close,
+                          double contactDistance, bool twoSided, std::vector<ContactCandidate>& candidates);
+
 /// What selectContacts works in. It keeps its memory, so that no call allocates once it has seen a set of this size.
 struct ContactScratch {
   /// Candidates whose rounded positions are equal are one place.

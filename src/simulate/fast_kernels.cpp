@@ -1,6 +1,7 @@
 #include "simulate/fast_kernels.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 // Three instruction sets: AVX-512, AVX2 with fused multiply-add, and plain code.
@@ -832,6 +833,133 @@ void TouchIntervals(const LinkGrid& grid, const kernels::NearTriangles& near, st
   }
 }
 
+/// What of two triangles is out of reach of each other.
+struct Apart {
+  M wholly;
+  M corner[3];   // of the other triangle, of the face
+  M edge[3][3];  // of the other triangle, of each edge of the face
+};
+
+/// Rules out by gaps along the face's normal and, in its plane, along the normals of its edges. The gap along an axis
+/// of length one is no larger than the distance, however badly the axis is known: slivers need no care.
+HWY_INLINE Apart apartFrom(const V3 (&face)[3], const V3 (&other)[3], V reach) {
+  constexpr float kLeastSquare = 1e-30F;  // m^4: below, no axis is known
+  const D d;
+  const V3 side[3] = {face[1] - face[0], face[2] - face[1], face[0] - face[2]};
+  const V3 across = cross(side[0], side[1]);
+  const V square = dot(across, across);
+  const V inverse = hn::Div(hn::Set(d, 1.0F), hn::Sqrt(square));
+  const V3 normal = scaled(across, hn::IfThenElseZero(hn::Gt(square, hn::Set(d, kLeastSquare)), inverse));
+  Apart apart;
+  {
+    V of[3], at[3];
+    for (int k = 0; k < 3; ++k) {
+      of[k] = dot(normal, face[k]);
+      at[k] = dot(normal, other[k]);
+    }
+    const V top = hn::Add(hn::Max(of[0], hn::Max(of[1], of[2])), reach);
+    const V bottom = hn::Sub(hn::Min(of[0], hn::Min(of[1], of[2])), reach);
+    M above[3], below[3];
+    for (int k = 0; k < 3; ++k) {
+      above[k] = hn::Gt(at[k], top);
+      below[k] = hn::Lt(at[k], bottom);
+      apart.corner[k] = hn::Or(above[k], below[k]);
+    }
+    for (int k = 0; k < 3; ++k) {
+      const int next = (k + 1) % 3;
+      const M out = hn::Or(hn::And(above[k], above[next]), hn::And(below[k], below[next]));
+      for (int j = 0; j < 3; ++j) apart.edge[k][j] = out;
+    }
+    apart.wholly =
+        hn::Or(hn::And(above[0], hn::And(above[1], above[2])), hn::And(below[0], hn::And(below[1], below[2])));
+  }
+  for (int j = 0; j < 3; ++j) {
+    const V3 axis = cross(side[j], normal);  // outward
+    const V scaledReach = hn::Mul(reach, length(axis));
+    const int end = (j + 1) % 3, opposite = (j + 2) % 3;
+    const V begin = dot(axis, face[j]), finish = dot(axis, face[end]);
+    const V top = hn::Add(hn::Max(hn::Max(begin, finish), dot(axis, face[opposite])), scaledReach);
+    const V bottom = hn::Sub(hn::Min(begin, finish), scaledReach);  // of the edge alone
+    M above[3], below[3];
+    for (int k = 0; k < 3; ++k) {
+      const V at = dot(axis, other[k]);
+      above[k] = hn::Gt(at, top);
+      below[k] = hn::Lt(at, bottom);
+      apart.corner[k] = hn::Or(apart.corner[k], above[k]);
+    }
+    for (int k = 0; k < 3; ++k) {
+      const int next = (k + 1) % 3;
+      const M out = hn::Or(hn::And(above[k], above[next]), hn::And(below[k], below[next]));
+      apart.edge[k][j] = hn::Or(apart.edge[k][j], out);
+    }
+    apart.wholly = hn::Or(apart.wholly, hn::And(above[0], hn::And(above[1], above[2])));
+  }
+  return apart;
+}
+
+/// Is there a gap along the common normal of two edges? None is seen where it is not known.
+HWY_INLINE M edgesAreApart(const V3& p0, const V3& p1, const V3& q0, const V3& q1, V reach) {
+  constexpr float kLeastSquare = 1e-24F;  // m^4
+  const D d;
+  const V3 axis = cross(p1 - p0, q1 - q0);
+  const V square = dot(axis, axis);
+  const V a = dot(axis, p0), b = dot(axis, p1), e = dot(axis, q0), f = dot(axis, q1);
+  const V gap = hn::Max(hn::Sub(hn::Min(a, b), hn::Max(e, f)), hn::Sub(hn::Min(e, f), hn::Max(a, b)));
+  const M isWide = hn::Gt(hn::Mul(gap, hn::Abs(gap)), hn::Mul(hn::Mul(reach, reach), square));
+  return hn::And(isWide, hn::Gt(square, hn::Set(d, kLeastSquare)));
+}
+
+void KeepClose(const LinkGrid& grid, const ObjectShell& shell, const Placement& placement, float reach,
+               WholePairs& pairs) {
+  const D d;
+  const DI di;
+  const DU du;
+  const std::size_t N = hn::Lanes(d);
+  // Rounding, as coordinates can be as large as this.
+  const auto& t = placement.translation;
+  const float farthest =
+      std::sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]) + static_cast<float>(shell.radius + grid.radius);
+  const V within = hn::Set(d, reach + 1e-6F + 2e-6F * farthest);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < pairs.count; i += N) {
+    const M isPair = hn::FirstN(d, pairs.count - i);
+    const auto object = hn::IfThenElseZero(hn::RebindMask(du, isPair), hn::LoadU(du, &pairs.object[i]));
+    const auto link = hn::IfThenElseZero(hn::RebindMask(du, isPair), hn::LoadU(du, &pairs.link[i]));
+    const VI ia = hn::BitCast(di, object), ib = hn::BitCast(di, link);
+    const auto gather = [&](const auto& arrays, int k, VI at) {
+      return V3{hn::GatherIndex(d, arrays[k].data(), at), hn::GatherIndex(d, arrays[k + 1].data(), at),
+                hn::GatherIndex(d, arrays[k + 2].data(), at)};
+    };
+    // Seen from the link's first corner, so that numbers are small.
+    const V3 origin = gather(grid.triangle, 0, ib);
+    const V3 l[3] = {{hn::Zero(d), hn::Zero(d), hn::Zero(d)},
+                     gather(grid.triangle, 3, ib) - origin,
+                     gather(grid.triangle, 6, ib) - origin};
+    const V3 o[3] = {move(placement, gather(shell.sourceCorner, 0, ia)) - origin,
+                     move(placement, gather(shell.sourceCorner, 3, ia)) - origin,
+                     move(placement, gather(shell.sourceCorner, 6, ia)) - origin};
+    const Apart byLink = apartFrom(l, o, within), byObject = apartFrom(o, l, within);
+    auto close = hn::Zero(du);
+    const auto add = [&](int bit, M apart) {
+      close = hn::Or(close, hn::IfThenZeroElse(hn::RebindMask(du, apart), hn::Set(du, FeaturePairs{1} << bit)));
+    };
+    for (int k = 0; k < 3; ++k) {
+      add(k, byLink.corner[k]);
+      add(3 + k, byObject.corner[k]);
+      for (int j = 0; j < 3; ++j) {
+        const M out = hn::Or(byLink.edge[k][j], byObject.edge[j][k]);
+        add(6 + 3 * k + j, hn::Or(out, edgesAreApart(o[k], o[(k + 1) % 3], l[j], l[(j + 1) % 3], within)));
+      }
+    }
+    close = hn::IfThenZeroElse(hn::RebindMask(du, hn::Or(byLink.wholly, byObject.wholly)), close);
+    const M keep = hn::And(isPair, hn::RebindMask(d, hn::Ne(close, hn::Zero(du))));
+    storeSelected(keep, object, &pairs.object[kept]);
+    storeSelected(keep, link, &pairs.link[kept]);
+    kept += storeSelected(keep, close, &pairs.close[kept]);
+  }
+  pairs.count = kept;
+}
+
 }  // namespace
 }  // namespace handhold::kernels::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -854,6 +982,7 @@ HWY_EXPORT(NearTriangles);
 HWY_EXPORT(PlaceTriangles);
 HWY_EXPORT(FindPairs);
 HWY_EXPORT(TouchIntervals);
+HWY_EXPORT(KeepClose);
 
 std::size_t selectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree& tree, const Placement& placement,
                          std::uint32_t from, std::uint32_t to, std::uint32_t* ids, std::uint32_t* firsts) {
@@ -908,6 +1037,10 @@ void findPairs(const LinkGrid& grid, const NearTriangles& near, float reach, boo
 }
 void touchIntervals(const LinkGrid& grid, const NearTriangles& near, std::size_t count, Pairs& pairs) {
   HWY_DYNAMIC_DISPATCH(TouchIntervals)(grid, near, count, pairs);
+}
+void keepClose(const LinkGrid& grid, const ObjectShell& shell, const Placement& placement, float reach,
+               WholePairs& pairs) {
+  HWY_DYNAMIC_DISPATCH(KeepClose)(grid, shell, placement, reach, pairs);
 }
 
 }  // namespace handhold::kernels

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "simulate/contacts.h"
 #include "simulate/hand_fields.h"
 #include "simulate/object_shell.h"
 
@@ -105,5 +106,17 @@ void findPairs(const LinkGrid& grid, const NearTriangles& near, float reach, boo
 /// enter > leave: none.
 /// Vertex against face both ways and edge against edge.
 void touchIntervals(const LinkGrid& grid, const NearTriangles& near, std::size_t count, Pairs& pairs);
+
+/// Pairs of a triangle of the object's mesh, in whole, and one of the link's grid.
+struct WholePairs {
+  std::vector<std::uint32_t> object, link;
+  std::vector<FeaturePairs> close;
+  std::size_t count = 0;  // the arrays have room for a group more
+};
+
+/// Finds the pairs of features that may be within `reach`, all that are and few others, and drops the pairs of
+/// triangles that have none.
+void keepClose(const LinkGrid& grid, const ObjectShell& shell, const Placement& placement, float reach,
+               WholePairs& pairs);
 
 }  // namespace handhold::kernels

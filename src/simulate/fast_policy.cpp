@@ -7,6 +7,7 @@
 #include "simulate/reference_policy.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -842,27 +843,47 @@ class FastPolicy final : public GraspPolicy {
       const Isometry3d X_LS = X_HL_[link].inverse() * X_HS;
       Search& search = searches_[link];
       if (!covers(link, X_LS, margin)) gather(link, X_LS, margin, shell_->closed, search);
-      const kernels::Pairs& pairs = search.pairs;
-      if (pairs.count == 0) continue;
-      keys_.clear();
-      for (std::size_t i = 0; i < pairs.count; ++i) {
-        keys_.push_back(static_cast<std::uint64_t>(shell_->source[search.near.id[pairs.a[i]]]) << 32 |
-                        fields_->grids[link]->source[pairs.b[i]]);
-      }
-      std::sort(keys_.begin(), keys_.end());
-      keys_.erase(std::unique(keys_.begin(), keys_.end()), keys_.end());
+      if (search.pairs.count == 0) continue;
+      const LinkGrid& grid = *fields_->grids[link];
+      listWholePairs(search);
+      kernels::keepClose(grid, *shell_, Placement::of(X_LS), static_cast<float>(settings_.contactDistance),
+                         wholePairs_);
       candidates_.clear();
       const Isometry3d X_OL = trial.X_OH * X_HL_[link];
-      for (const std::uint64_t key : keys_) {
-        const auto ofObject = static_cast<std::uint32_t>(key >> 32), ofLink = static_cast<std::uint32_t>(key);
-        ContactTriangle triangle{hand_.links[link].mesh.corners(ofLink),
-                                 X_OL.linear() * fields_->grids[link]->normal[ofLink]};
+      for (std::size_t i = 0; i < wholePairs_.count; ++i) {
+        const std::uint32_t ofObject = wholePairs_.object[i], ofLink = grid.source[wholePairs_.link[i]];
+        ContactTriangle triangle{hand_.links[link].mesh.corners(ofLink), X_OL.linear() * grid.normal[ofLink]};
         for (Vector3d& p : triangle.corners) p = X_OL * p;
         addContactCandidates({object_.mesh.corners(ofObject), shell_->sourceNormal[ofObject]}, triangle,
-                             settings_.contactDistance, !object_.watertight, candidates_);
+                             wholePairs_.close[i], settings_.contactDistance, !object_.watertight, candidates_);
       }
       selectContacts(candidates_, settings_.contactsPerLink, settings_.contactSpacing, static_cast<std::uint16_t>(link),
                      contactScratch_, trial.contacts);
+    }
+  }
+
+  /// The triangles of the object's mesh that a search's small ones are part of, each pair once (a hash table finds
+  /// those that are there).
+  void listWholePairs(const Search& search) {
+    const std::size_t most = search.pairs.count;
+    const int bits = static_cast<int>(std::bit_width(2 * most));
+    pairSlots_.assign(std::size_t{1} << bits, 0);
+    auto& [object, link, close, count] = wholePairs_;
+    for (auto* array : {&object, &link, &close}) {
+      if (array->size() < most + kGroup) array->resize(2 * most + kGroup);
+    }
+    count = 0;
+    for (std::size_t i = 0; i < most; ++i) {
+      const std::uint32_t a = shell_->source[search.near.id[search.pairs.a[i]]], b = search.pairs.b[i];
+      const std::uint64_t key = static_cast<std::uint64_t>(a) << 32 | b;
+      std::size_t slot = key * 0x9e3779b97f4a7c15 >> (64 - bits);
+      while (pairSlots_[slot] != 0 && (object[pairSlots_[slot] - 1] != a || link[pairSlots_[slot] - 1] != b)) {
+        slot = (slot + 1) & (pairSlots_.size() - 1);
+      }
+      if (pairSlots_[slot] != 0) continue;
+      object[count] = a;
+      link[count] = b;
+      pairSlots_[slot] = static_cast<std::uint32_t>(++count);
     }
   }
 
@@ -904,7 +925,8 @@ class FastPolicy final : public GraspPolicy {
   std::vector<int> touchedLinks_;
   float posesAt_ = 0;
   const Motion* posesOf_ = nullptr;
-  std::vector<std::uint64_t> keys_;
+  kernels::WholePairs wholePairs_;
+  std::vector<std::uint32_t> pairSlots_;  // hash table of the whole pairs: index plus one, 0 is free
   std::vector<ContactCandidate> candidates_;
   ContactScratch contactScratch_;
 };

@@ -215,7 +215,11 @@ ObjectShell::ObjectShell(const ObjectModel& object) : closed(object.watertight) 
   const TriangleMesh& mesh = object.mesh;
   center = boundingBox(mesh).center();
   while (expectedPieces(mesh, longestEdge) > kMostTriangles && longestEdge < 1) longestEdge *= 1.25;
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) sourceNormal.push_back(mesh.normal(i));
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Corners corners = mesh.corners(i);
+    for (int k = 0; k < 9; ++k) sourceCorner[k].push_back(static_cast<float>((corners[k / 3] - center)[k % 3]));
+    sourceNormal.push_back(mesh.normal(i));
+  }
   std::vector<SmallTriangle> pieces;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     split(mesh.corners(i), longestEdge, static_cast<std::uint32_t>(i), pieces);

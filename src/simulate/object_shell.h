@@ -56,7 +56,8 @@ struct ObjectShell {
   std::array<std::vector<float>, 4> sphere;  // bounding sphere: x, y, z, radius
   std::vector<std::uint32_t> source;         // the triangle of the object's mesh that a small one is part of
 
-  std::vector<Eigen::Vector3d> sourceNormal;  // of each triangle of the object's mesh, unit
+  std::array<std::vector<float>, 9> sourceCorner;  // of the triangles of the object's mesh
+  std::vector<Eigen::Vector3d> sourceNormal;       // unit
 };
 
 }  // namespace handhold

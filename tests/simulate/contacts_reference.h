@@ -29,6 +29,19 @@ inline std::pair<Vector3d, Vector3d> closestOnSegments(const Vector3d& p0, const
 
 inline Vector3d unitNormal(const Corners& t) { return (t[1] - t[0]).cross(t[2] - t[0]).normalized(); }
 
+/// The closest points of each pair of features, on the object and on the link, in the order of FeaturePairs.
+inline std::array<std::pair<Vector3d, Vector3d>, 15> closestPairs(const Corners& object, const Corners& link) {
+  std::array<std::pair<Vector3d, Vector3d>, 15> pairs;
+  for (int i = 0; i < 3; ++i) {
+    pairs[i] = {object[i], closestPointOnTriangle(object[i], link)};
+    pairs[3 + i] = {closestPointOnTriangle(link[i], object), link[i]};
+    for (int j = 0; j < 3; ++j) {
+      pairs[6 + 3 * i + j] = closestOnSegments(object[i], object[(i + 1) % 3], link[j], link[(j + 1) % 3]);
+    }
+  }
+  return pairs;
+}
+
 inline void addContactCandidates(const Corners& object, const Corners& link, double contactDistance, bool twoSided,
                                  std::vector<ContactCandidate>& candidates) {
   Vector3d normal = unitNormal(object);
@@ -42,14 +55,7 @@ inline void addContactCandidates(const Corners& object, const Corners& link, dou
     const double gap = (onObject - onLink).norm();
     if (gap <= contactDistance) candidates.push_back({onObject, normal, gap, facing});
   };
-  for (int i = 0; i < 3; ++i) add(object[i], closestPointOnTriangle(object[i], link));
-  for (int i = 0; i < 3; ++i) add(closestPointOnTriangle(link[i], object), link[i]);
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      const auto [p, q] = closestOnSegments(object[i], object[(i + 1) % 3], link[j], link[(j + 1) % 3]);
-      add(p, q);
-    }
-  }
+  for (const auto& [onObject, onLink] : closestPairs(object, link)) add(onObject, onLink);
 }
 
 inline void selectContacts(std::vector<ContactCandidate>& candidates, int maximum, double spacing, std::uint16_t link,

@@ -2,6 +2,7 @@
 
 #include "core/random.h"
 #include "simulate/contacts_reference.h"
+#include "simulate/triangle_pairs.h"
 #include "support/allocations.h"
 
 #include <algorithm>
@@ -15,10 +16,11 @@ namespace handhold {
 namespace {
 
 using Eigen::Vector3d;
-
-Vector3d randomPoint(const RandomStream& stream, int i) {
-  return {stream.uniform(3 * i) - 0.5, stream.uniform(3 * i + 1) - 0.5, stream.uniform(3 * i + 2) - 0.5};
-}
+using testing::kContactDistance;
+using testing::kPairNames;
+using testing::PairKind;
+using testing::randomPoint;
+using testing::trianglePair;
 
 // Against a fine sampling of the triangle: no sampled point is closer.
 TEST(ClosestPoint, IsNoFartherThanAnySampledPoint) {
@@ -94,60 +96,6 @@ TEST(ContactCandidates, KnowCrossedEdges) {
   EXPECT_LT(candidates[0].position.norm(), 1e-4);
 }
 
-constexpr double kContactDistance = 1e-4;
-enum class Case { apart, touching, flush, vertexOnFace, edgesCrossed, edgesParallel, sliver, sharedEdge, count };
-const char* const kCaseNames[] = {"apart",         "touching",       "flush",  "vertex on face",
-                                  "crossed edges", "parallel edges", "sliver", "shared edge"};
-
-/// A random pair of triangles in one of the positions, some of which are degenerate.
-std::pair<Corners, Corners> trianglePair(Case kind, std::uint64_t seed) {
-  const RandomStream stream = RandomStream(seed).child(static_cast<std::uint64_t>(kind));
-  const auto number = [&](int i) { return stream.uniform(100 + i); };
-  const double size = std::pow(10.0, -3 + 2 * number(0));  // m
-  Corners a = {size * randomPoint(stream, 0), size * randomPoint(stream, 1), size * randomPoint(stream, 2)};
-  Corners b = {size * randomPoint(stream, 3), size * randomPoint(stream, 4), size * randomPoint(stream, 5)};
-  // Around the contact distance, on both sides of it and at times exactly there.
-  const double gap = kContactDistance * (number(1) < 0.2 ? 1 : 2 * number(2));
-  const Vector3d normal = contactTriangle(a).normal;
-  const auto moveTo = [&](const Vector3d& from, const Vector3d& to) {
-    for (Vector3d& corner : b) corner += to - from;
-  };
-  const Vector3d inside = 0.2 * a[0] + 0.5 * a[1] + 0.3 * a[2];
-  switch (kind) {
-    case Case::apart:
-      break;
-    case Case::touching:
-      moveTo((b[0] + b[1] + b[2]) / 3, (a[0] + a[1] + a[2]) / 3);
-      break;
-    case Case::flush:
-      for (Vector3d& corner : b) corner += (gap - normal.dot(corner - a[0])) * normal;
-      break;
-    case Case::vertexOnFace:
-      moveTo(b[0], inside + gap * normal);
-      break;
-    case Case::edgesCrossed:
-      moveTo(0.5 * (b[0] + b[1]), 0.3 * a[0] + 0.7 * a[1] + gap * normal);
-      break;
-    case Case::edgesParallel:
-      b[1] = b[0] + (2 * number(3) - 1) * (a[1] - a[0]);
-      moveTo(b[0], a[0] + number(4) * (a[1] - a[0]) + gap * normal);
-      break;
-    case Case::sliver:  // as thin as 32-bit coordinates allow
-      b[2] = b[0] + number(3) * (b[1] - b[0]) + std::pow(10.0, -8 * number(4)) * (b[2] - b[0]);
-      moveTo(b[number(5) < 0.5 ? 0 : 2], inside + gap * normal);
-      break;
-    case Case::sharedEdge:
-      b[0] = a[1];
-      b[1] = a[0];
-      break;
-    case Case::count:
-      break;
-  }
-  if (number(6) < 0.5) std::swap(b[1], b[2]);
-  if (number(7) < 0.5) std::swap(a, b);
-  return {a, b};
-}
-
 void expectEqual(const std::vector<ContactCandidate>& fast, const std::vector<ContactCandidate>& slow) {
   ASSERT_EQ(fast.size(), slow.size());
   for (std::size_t i = 0; i < slow.size(); ++i) {
@@ -161,11 +109,11 @@ void expectEqual(const std::vector<ContactCandidate>& fast, const std::vector<Co
 // What is ruled out early has no candidate: bit for bit what comes out when every pair of features is measured.
 TEST(ContactCandidatesProperty, EqualTheReference) {
   constexpr int kSeeds = 20000;
-  for (int kind = 0; kind < static_cast<int>(Case::count); ++kind) {
+  for (int kind = 0; kind < static_cast<int>(PairKind::count); ++kind) {
     std::size_t nCandidates = 0, nPairsWith = 0;
     for (int seed = 0; seed < kSeeds; ++seed) {
-      SCOPED_TRACE(std::string(kCaseNames[kind]) + " " + std::to_string(seed));
-      const auto [a, b] = trianglePair(static_cast<Case>(kind), static_cast<std::uint64_t>(seed));
+      SCOPED_TRACE(std::string(kPairNames[kind]) + " " + std::to_string(seed));
+      const auto [a, b] = trianglePair(static_cast<PairKind>(kind), static_cast<std::uint64_t>(seed));
       std::vector<ContactCandidate> fast, slow;
       addContactCandidates(a, b, kContactDistance, seed % 2 == 1, fast);
       reference::addContactCandidates(a, b, kContactDistance, seed % 2 == 1, slow);
@@ -173,8 +121,29 @@ TEST(ContactCandidatesProperty, EqualTheReference) {
       nCandidates += slow.size();
       nPairsWith += !slow.empty();
     }
-    EXPECT_GT(nPairsWith, kSeeds / 100) << kCaseNames[kind];
-    EXPECT_GT(nCandidates, nPairsWith) << kCaseNames[kind];
+    EXPECT_GT(nPairsWith, kSeeds / 100) << kPairNames[kind];
+    EXPECT_GT(nCandidates, nPairsWith) << kPairNames[kind];
+  }
+}
+
+// What is said to be close is measured, nothing else: the candidates of each pair of features, taken alone, are
+// together those of all.
+TEST(ContactCandidatesProperty, AreThoseOfTheFeaturesSaidToBeClose) {
+  constexpr int kSeeds = 1000;
+  for (int kind = 0; kind < static_cast<int>(PairKind::count); ++kind) {
+    for (int seed = 0; seed < kSeeds; ++seed) {
+      SCOPED_TRACE(std::string(kPairNames[kind]) + " " + std::to_string(seed));
+      const auto [a, b] = trianglePair(static_cast<PairKind>(kind), static_cast<std::uint64_t>(seed));
+      const ContactTriangle object = contactTriangle(a), link = contactTriangle(b);
+      std::vector<ContactCandidate> oneByOne, slow;
+      for (std::size_t i = 0; i < reference::closestPairs(a, b).size(); ++i) {
+        const std::size_t before = oneByOne.size();
+        addContactCandidates(object, link, FeaturePairs{1} << i, kContactDistance, false, oneByOne);
+        ASSERT_LE(oneByOne.size(), before + 1);
+      }
+      reference::addContactCandidates(a, b, kContactDistance, false, slow);
+      ASSERT_NO_FATAL_FAILURE(expectEqual(oneByOne, slow));
+    }
   }
 }
 
@@ -231,7 +200,7 @@ TEST(Contacts, SecondPassAllocatesNothing) {
       candidates.clear();
       contacts.clear();
       for (int i = 0; i < 40; ++i) {
-        const auto [a, b] = trianglePair(Case::flush, static_cast<std::uint64_t>(40 * seed + i));
+        const auto [a, b] = trianglePair(PairKind::flush, static_cast<std::uint64_t>(40 * seed + i));
         addContactCandidates(a, b, kContactDistance, false, candidates);
       }
       selectContacts(candidates, 4, 1e-3, 0, scratch, contacts);

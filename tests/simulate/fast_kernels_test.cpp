@@ -4,12 +4,15 @@
 
 #include "core/random.h"
 #include "mesh/primitives.h"
+#include "simulate/contacts_reference.h"
+#include "simulate/triangle_pairs.h"
 #include "support/brute_force.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -326,18 +329,112 @@ std::vector<float> someDistances(const LinkGrid& grid) {
   return result;
 }
 
+/// An object and a link of many triangles each, triangle i of the one against triangle i of the other.
+struct Facets {
+  TriangleMesh object, link;
+  Eigen::Isometry3d X_LO;
+};
+
+Facets randomFacets(testing::PairKind kind, int count) {
+  const RandomStream stream = RandomStream(29).child(static_cast<std::uint64_t>(kind));
+  Facets facets;
+  facets.X_LO = Eigen::AngleAxisd(3 * stream.uniform(0), randomVector(stream, 1).normalized());
+  facets.X_LO.translation() = 0.2 * randomVector(stream, 4);
+  const auto add = [](const Corners& corners, TriangleMesh& mesh) {
+    const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+    mesh.vertices.insert(mesh.vertices.end(), corners.begin(), corners.end());
+    mesh.triangles.push_back({first, first + 1, first + 2});
+  };
+  for (int i = 0; i < count; ++i) {
+    auto [a, b] = testing::trianglePair(kind, static_cast<std::uint64_t>(i));
+    for (Vector3d& p : a) p = facets.X_LO.inverse() * p;
+    add(toFloat(a), facets.object);
+    add(toFloat(b), facets.link);
+  }
+  return facets;
+}
+
+ObjectShell shellOf(const Facets& facets) {
+  ObjectModel model;
+  model.mesh = facets.object;
+  return ObjectShell(model);
+}
+
+/// What keepClose leaves of each pair.
+std::vector<FeaturePairs> closeFeatures(const Facets& facets, const ObjectShell& shell) {
+  LinkGrid grid(cylinderMesh(0.012, 0.05));  // of which the kernel takes only what is put in here
+  grid.radius = 0.2;
+  for (auto& array : grid.triangle) array.clear();
+  kernels::WholePairs pairs;
+  pairs.count = facets.link.triangles.size();
+  for (auto* array : {&pairs.object, &pairs.link, &pairs.close}) array->assign(pairs.count + kGroup, 0);
+  for (std::size_t i = 0; i < pairs.count; ++i) {
+    const Corners corners = facets.link.corners(i);
+    for (int k = 0; k < 9; ++k) grid.triangle[k].push_back(static_cast<float>(corners[k / 3][k % 3]));
+    pairs.object[i] = pairs.link[i] = static_cast<std::uint32_t>(i);
+  }
+  const Placement placement = Placement::of(facets.X_LO * Eigen::Translation3d(shell.center));
+  std::vector<FeaturePairs> close(pairs.count, 0);
+  kernels::keepClose(grid, shell, placement, static_cast<float>(testing::kContactDistance), pairs);
+  for (std::size_t i = 0; i < pairs.count; ++i) {
+    EXPECT_EQ(pairs.object[i], pairs.link[i]);
+    EXPECT_NE(pairs.close[i], 0U);
+    close[pairs.object[i]] = pairs.close[i];
+  }
+  return close;
+}
+
+// What double precision finds within reach is never ruled out; most of the rest is.
+TEST(KeepClose, RulesOutWhatIsFarAlone) {
+  constexpr int kCount = 2001;
+  for (int kind = 0; kind < static_cast<int>(testing::PairKind::count); ++kind) {
+    const Facets facets = randomFacets(static_cast<testing::PairKind>(kind), kCount);
+    const ObjectShell shell = shellOf(facets);
+    for (const std::int64_t set : {kPlain, kNarrow, kWide}) {
+      if ((hwy::SupportedTargets() & set) == 0) continue;
+      SCOPED_TRACE(std::string(testing::kPairNames[kind]) + " on " + hwy::TargetName(set));
+      const OnTarget target(set);
+      const std::vector<FeaturePairs> close = closeFeatures(facets, shell);
+      int within = 0, beyond = 0, keptBeyond = 0;
+      for (std::size_t i = 0; i < close.size(); ++i) {
+        Corners object = facets.object.corners(i);
+        for (Vector3d& p : object) p = facets.X_LO * p;
+        const auto measured = reference::closestPairs(object, facets.link.corners(i));
+        for (std::size_t k = 0; k < measured.size(); ++k) {
+          const bool isKept = (close[i] >> k & 1) != 0;
+          const double gap = (measured[k].first - measured[k].second).norm();
+          if (gap <= testing::kContactDistance) {
+            ++within;
+            EXPECT_TRUE(isKept) << "pair " << i << " feature " << k << " gap " << gap;
+          } else if (gap > 1.5 * testing::kContactDistance) {
+            ++beyond;
+            keptBeyond += isKept;
+          }
+        }
+      }
+      EXPECT_GT(within, kCount / 100);
+      EXPECT_LT(keptBeyond, beyond / 200);
+    }
+  }
+}
+
 TEST(InstructionSets, Avx2AndAvx512GiveEqualBits) {
   if (!hasBoth()) GTEST_SKIP() << "this machine does not have both AVX2 and AVX-512";
   const LinkGrid grid(cylinderMesh(0.012, 0.05));
   const std::vector<Case> cases = randomCases(500, 0.006);
   std::vector<float> distances[2];
   std::vector<Interval> intervals[2];
+  const Facets facets = randomFacets(testing::PairKind::sliver, 500);
+  const ObjectShell shell = shellOf(facets);
+  std::vector<FeaturePairs> close[2];
   for (int i = 0; i < 2; ++i) {
     const OnTarget target(i == 0 ? kNarrow : kWide);
     distances[i] = someDistances(grid);
     intervals[i] = touchIntervals(cases);
+    close[i] = closeFeatures(facets, shell);
   }
   EXPECT_EQ(distances[0], distances[1]);
+  EXPECT_EQ(close[0], close[1]);
   for (std::size_t i = 0; i < cases.size(); ++i) {
     EXPECT_EQ(intervals[0][i].enter, intervals[1][i].enter) << i;
     EXPECT_EQ(intervals[0][i].leave, intervals[1][i].leave) << i;
