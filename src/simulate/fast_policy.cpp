@@ -498,9 +498,12 @@ class FastPolicy final : public GraspPolicy {
   bool covers(int link, const Isometry3d& X_LS, double margin) const {
     const Search& search = searches_[link];
     if (search.margin < margin) return false;
+    // How far any point that is near the link now has come since: its way with the link's centre and around it.
     const LinkGrid& grid = *fields_->grids[link];
-    const double turned = (X_LS.linear() - search.X_LS.linear()).norm() * (shell_->radius + 2 * grid.radius);
-    return (X_LS.translation() - search.X_LS.translation()).norm() + turned <= search.margin - margin;
+    const Isometry3d back = search.X_LS * X_LS.inverse();
+    const Eigen::Matrix3d turn = back.linear() - Eigen::Matrix3d::Identity();
+    const double way = (turn * grid.center + back.translation()).norm();
+    return way + turn.norm() / std::sqrt(2) * (grid.radius + margin) <= search.margin - margin;
   }
 
   double leastWindow() const { return settings_.contactDistance + kBeyondContacts; }
