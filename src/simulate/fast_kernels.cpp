@@ -568,8 +568,6 @@ std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std:
   const DI di;
   const std::size_t N = hn::Lanes(d);
   const Lattice<float>& lattice = grid.grid->distance;
-  const float* errors = grid.grid->error.data();
-  const V reach = hn::Set(d, margin);
   std::size_t passing = 0;
   for (const std::uint32_t block : blocks) {
     const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
@@ -580,59 +578,17 @@ std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std:
       passing += storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), scratch + passing);
     }
   }
-  // Calls visit(ids, the same as indices, which are real) for the first `count` of scratch, a vector at a time. What visit stores
-  // back into scratch never overtakes what is still to be read.
-  const auto forAll = [&](std::size_t count, const auto& visit) {
-    for (std::size_t i = count; i < (count + N - 1) / N * N; ++i) scratch[i] = 0;
-    for (std::size_t i = 0; i < count; i += N) {
-      const auto id = hn::LoadU(du, scratch + i);
-      visit(id, hn::BitCast(di, id), hn::FirstN(d, count - i));
-    }
-  };
-  const auto gather = [&](const auto& arrays, int k, VI at) {
-    return move(grid.placement, V3{hn::GatherIndex(d, arrays[k].data(), at), hn::GatherIndex(d, arrays[k + 1].data(), at),
-                                   hn::GatherIndex(d, arrays[k + 2].data(), at)});
-  };
-  // The distance to a convex piece lies above its tangent plane at the middle; where pieces meet the corners may still be
-  // near.
-  std::size_t count = 0, open = 0;
-  const V kinks = hn::Set(d, 2.0F / lattice.step);
-  forAll(passing, [&](auto id, VI at, M real) {
-    const V3 c = gather(shell.sphere, 0, at);
-    const Sampled middle = sample(lattice, c);
-    const V error = hn::GatherIndex(d, errors, middle.cell), lower = hn::Sub(middle.distance, error);
-    const V bySphere = hn::Sub(lower, hn::GatherIndex(d, shell.sphere[3].data(), at));
-    const M may = hn::And(real, hn::Le(bySphere, reach));
-    if (hn::AllFalse(d, may)) return;
-    V lowest = hn::Set(d, kInfinity), farthest = hn::Zero(d);
-    for (int k = 0; k < 3; ++k) {
-      const V3 way = gather(shell.corner, 3 * k, at) - c;
-      lowest = hn::Min(lowest, dot(middle.gradient, way));
-      farthest = hn::Max(farthest, dot(way, way));
-    }
-    // The gradient is off by about the kink over a step; where that is much, the way to the corners counts in full.
-    const V far = hn::Sqrt(farthest);
-    const V tangent = hn::NegMulAdd(hn::Mul(error, kinks), far, lowest);
-    const M isInside = hn::Eq(middle.outside, hn::Zero(d));
-    const V way = hn::IfThenElse(isInside, hn::Max(tangent, hn::Neg(far)), hn::Neg(far));
-    const M near = hn::Le(hn::Add(lower, way), reach);
-    count += storeSelected(hn::And(may, near), id, ids + count);
-    open += storeSelected(hn::AndNot(near, may), id, scratch + open);
-  });
-  std::size_t cornersNear = 0;
-  forAll(open, [&](auto id, VI at, M real) {
-    M near = hn::FirstN(d, 0);
-    for (int k = 0; k < 3; ++k) near = hn::Or(near, mayBeNear(lattice, gather(shell.corner, 3 * k, at), hn::Zero(d), margin));
-    cornersNear += storeSelected(hn::And(real, near), id, scratch + cornersNear);
-  });
-  forAll(cornersNear, [&](auto id, VI at, M real) {
-    M near = hn::FirstN(d, 0);
-    for (int k = 0; k < 3; ++k) {
-      const Sampled corner = sample(lattice, gather(shell.corner, 3 * k, at));
-      near = hn::Or(near, hn::Le(hn::Sub(corner.distance, hn::GatherIndex(d, errors, corner.cell)), reach));
-    }
-    count += storeSelected(hn::And(real, near), id, ids + count);
-  });
+  for (std::size_t i = passing; i < (passing + N - 1) / N * N; ++i) scratch[i] = 0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < passing; i += N) {
+    const auto id = hn::LoadU(du, scratch + i);
+    const VI at = hn::BitCast(di, id);
+    const auto value = [&](int k) { return hn::GatherIndex(d, shell.sphere[k].data(), at); };
+    const Sampled middle = sample(lattice, move(grid.placement, {value(0), value(1), value(2)}));
+    const V error = hn::GatherIndex(d, grid.grid->error.data(), middle.cell);
+    const M near = hn::Le(hn::Sub(hn::Sub(middle.distance, error), value(3)), hn::Set(d, margin));
+    count += storeSelected(hn::And(near, hn::FirstN(d, passing - i)), id, ids + count);
+  }
   return count;
 }
 
