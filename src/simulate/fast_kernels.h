@@ -82,7 +82,7 @@ std::size_t nearBlocks(const PlacedGrid& grid, const SphereTree& tree, float mar
 std::size_t nearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
                           float margin, std::uint32_t* scratch, std::uint32_t* ids);
 
-/// Small triangles in a link's frame: corners (9), normal (3), velocity (3), as arrays.
+/// Small triangles in a link's frame: corners (9), normal (3), velocity (3), as arrays that whole groups fill.
 struct NearTriangles {
   std::array<std::vector<float>, 15> value;
   std::vector<std::uint32_t> id;  // in the shell

@@ -252,8 +252,8 @@ TEST_P(ClosedShape, PairsHoldEveryTriangleWithinReach) {
     }
     const Vector3d normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized();
     near.id = {0};
-    for (int k = 0; k < 9; ++k) near.value[k] = {static_cast<float>(corners[k / 3][k % 3])};
-    for (int k = 0; k < 3; ++k) near.value[9 + k] = {static_cast<float>(normal[k])};
+    for (int k = 0; k < 9; ++k) near.value[k].assign(kernels::kGroup, static_cast<float>(corners[k / 3][k % 3]));
+    for (int k = 0; k < 3; ++k) near.value[9 + k].assign(kernels::kGroup, static_cast<float>(normal[k]));
     kernels::findPairs(m.grid, near, kReach, false, pairs);
     std::multiset<std::uint32_t> listed;
     for (std::size_t j = 0; j < pairs.count; ++j) listed.insert(m.grid.source[pairs.b[j]]);
