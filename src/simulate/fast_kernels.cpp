@@ -62,6 +62,14 @@ HWY_INLINE V3 load(const float* x, const float* y, const float* z) {
   return {hn::LoadU(d, x), hn::LoadU(d, y), hn::LoadU(d, z)};
 }
 
+/// Three of the arrays, each at the indices.
+template <class Arrays>
+HWY_INLINE V3 gather(const Arrays& arrays, int k, VI at) {
+  const D d;
+  return {hn::GatherIndex(d, arrays[k].data(), at), hn::GatherIndex(d, arrays[k + 1].data(), at),
+          hn::GatherIndex(d, arrays[k + 2].data(), at)};
+}
+
 /// Coordinates in lattice steps.
 template <class T>
 HWY_INLINE V3 inSteps(const Lattice<T>& lattice, const V3& p) {
@@ -583,10 +591,10 @@ std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std:
   for (std::size_t i = 0; i < passing; i += N) {
     const auto id = hn::LoadU(du, scratch + i);
     const VI at = hn::BitCast(di, id);
-    const auto value = [&](int k) { return hn::GatherIndex(d, shell.sphere[k].data(), at); };
-    const Sampled middle = sample(lattice, move(grid.placement, {value(0), value(1), value(2)}));
+    const Sampled middle = sample(lattice, move(grid.placement, gather(shell.sphere, 0, at)));
     const V error = hn::GatherIndex(d, grid.grid->error.data(), middle.cell);
-    const M near = hn::Le(hn::Sub(hn::Sub(middle.distance, error), value(3)), hn::Set(d, margin));
+    const V radius = hn::GatherIndex(d, shell.sphere[3].data(), at);
+    const M near = hn::Le(hn::Sub(hn::Sub(middle.distance, error), radius), hn::Set(d, margin));
     count += storeSelected(hn::And(near, hn::FirstN(d, passing - i)), id, ids + count);
   }
   return count;
@@ -603,17 +611,13 @@ void PlaceTriangles(const ObjectShell& shell, const Placement& placement, kernel
   for (auto& array : near.value) array.resize(full);
   for (std::size_t i = 0; i < full; i += N) {
     const VI at = hn::BitCast(di, hn::LoadU(du, &near.id[i]));
-    const auto gather = [&](const auto& arrays, int k) {
-      return V3{hn::GatherIndex(d, arrays[k].data(), at), hn::GatherIndex(d, arrays[k + 1].data(), at),
-                hn::GatherIndex(d, arrays[k + 2].data(), at)};
-    };
     const auto store = [&](const V3& a, int k) {
       hn::StoreU(a.x, d, &near.value[k][i]);
       hn::StoreU(a.y, d, &near.value[k + 1][i]);
       hn::StoreU(a.z, d, &near.value[k + 2][i]);
     };
-    for (int k = 0; k < 3; ++k) store(move(placement, gather(shell.corner, 3 * k)), 3 * k);
-    store(rotate(placement, gather(shell.normal, 0)), 9);
+    for (int k = 0; k < 3; ++k) store(move(placement, gather(shell.corner, 3 * k, at)), 3 * k);
+    store(rotate(placement, gather(shell.normal, 0, at)), 9);
   }
   near.id.resize(count);
 }
@@ -721,14 +725,8 @@ void TouchIntervals(const LinkGrid& grid, const kernels::NearTriangles& near, st
   const V slack = hn::Set(d, kSlack), one = hn::Set(d, 1.0F);
   for (std::size_t i = 0; i < count; i += N) {
     const VI ia = hn::BitCast(di, hn::LoadU(du, &pairs.a[i])), ib = hn::BitCast(di, hn::LoadU(du, &pairs.b[i]));
-    const auto fromNear = [&](int k) {
-      return V3{hn::GatherIndex(d, near.value[k].data(), ia), hn::GatherIndex(d, near.value[k + 1].data(), ia),
-                hn::GatherIndex(d, near.value[k + 2].data(), ia)};
-    };
-    const auto fromLink = [&](int k) {
-      return V3{hn::GatherIndex(d, grid.triangle[k].data(), ib), hn::GatherIndex(d, grid.triangle[k + 1].data(), ib),
-                hn::GatherIndex(d, grid.triangle[k + 2].data(), ib)};
-    };
+    const auto fromNear = [&](int k) { return gather(near.value, k, ia); };
+    const auto fromLink = [&](int k) { return gather(grid.triangle, k, ib); };
     const V3 o[3] = {fromNear(0), fromNear(3), fromNear(6)};
     const V3 w = fromNear(12);
     const V3 l[3] = {fromLink(0), fromLink(3), fromLink(6)};
@@ -882,10 +880,6 @@ void KeepClose(const LinkGrid& grid, const ObjectShell& shell, const Placement& 
     const auto object = hn::IfThenElseZero(hn::RebindMask(du, isPair), hn::LoadU(du, &pairs.object[i]));
     const auto link = hn::IfThenElseZero(hn::RebindMask(du, isPair), hn::LoadU(du, &pairs.link[i]));
     const VI ia = hn::BitCast(di, object), ib = hn::BitCast(di, link);
-    const auto gather = [&](const auto& arrays, int k, VI at) {
-      return V3{hn::GatherIndex(d, arrays[k].data(), at), hn::GatherIndex(d, arrays[k + 1].data(), at),
-                hn::GatherIndex(d, arrays[k + 2].data(), at)};
-    };
     // Seen from the link's first corner, so that numbers are small.
     const V3 origin = gather(grid.triangle, 0, ib);
     const V3 l[3] = {{hn::Zero(d), hn::Zero(d), hn::Zero(d)},

@@ -9,8 +9,8 @@
 #include <span>
 
 // The inner loops of the fast policy, in single precision, for 4, 8 or 16 numbers at once (Highway picks the widest
-// instruction set that the machine has). Each result depends on its own lane alone, so that AVX2 and AVX-512 give equal
-// bits; without fused multiply-add last bits differ.
+// instruction set that the machine has). Each result depends on its own lane alone or on a whole group, so that AVX2
+// and AVX-512 give equal bits; without fused multiply-add last bits differ.
 namespace handhold::kernels {
 
 constexpr int kGroup = 16;
@@ -37,14 +37,15 @@ std::size_t selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& 
                          const Placement& placement, std::uint32_t from, std::uint32_t to, float* x, float* y, float* z,
                          std::uint32_t* firsts);
 
-/// Points that wait in arrays, ordered by nothing: those whose first touch is below `due` are moved to `to` (room for a
-/// group more than there are points), those from `until` on are dropped, the others stay in their order. Returns the
-/// first touch among them, `until` when none stays.
+/// Points in arrays, each with its first touch in field units. There is room for a group more.
 struct WaitingPoints {
   float *x, *y, *z;
   std::uint32_t* first;
   std::size_t count;
 };
+
+/// Moves the points whose first touch is below `due` to the end of `to` and drops those from `until` on; the others
+/// stay in their order. Returns the first touch among them, `until` when none stays.
 std::uint32_t takeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to);
 
 /// Where the first of the points is touched in the motion, by Newton's method on the interpolated distance, each from

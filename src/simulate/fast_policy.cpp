@@ -348,8 +348,8 @@ class FastPolicy final : public GraspPolicy {
   void reserveLanes(std::size_t room) {
     if (laneX_.size() >= room) return;
     for (auto* array : {&laneX_, &laneY_, &laneZ_, &low_[0], &low_[1], &high_[0], &high_[1]}) array->resize(room);
-    laneNode_.resize(room);
-    dueFirst_.resize(room);
+    for (auto* array : {&dueX_, &dueY_, &dueZ_}) array->resize(room);
+    for (auto* array : {&laneNode_, &laneFirst_, &dueFirst_}) array->resize(room);
   }
 
   /// The same for the shell's points.
@@ -612,7 +612,7 @@ class FastPolicy final : public GraspPolicy {
     std::uint32_t bestUnit = Motion::kNever, earliest = Motion::kNever;
     bool found = false;
     reserveLanes(kGroup * (blocks + 2));
-    kernels::WaitingPoints waiting = {laneX_.data(), laneY_.data(), laneZ_.data(), laneNode_.data(), 0};
+    kernels::WaitingPoints waiting = {laneX_.data(), laneY_.data(), laneZ_.data(), laneFirst_.data(), 0};
     for (int band = 0; band < kBands && (static_cast<std::uint32_t>(band) << kShift) < bestUnit; ++band) {
       for (std::uint32_t i = begin[band]; i < begin[band + 1]; ++i) {
         const std::size_t at = waiting.count;
@@ -621,7 +621,7 @@ class FastPolicy final : public GraspPolicy {
       }
       const std::uint32_t end = static_cast<std::uint32_t>(band + 1) << kShift;
       if (begin[band] == begin[band + 1] && earliest >= end) continue;
-      kernels::WaitingPoints due = {low_[0].data(), low_[1].data(), high_[0].data(), dueFirst_.data(), 0};
+      kernels::WaitingPoints due = {dueX_.data(), dueY_.data(), dueZ_.data(), dueFirst_.data(), 0};
       earliest = kernels::takeDue(end, bestUnit, waiting, due);
       Group group;
       const auto flush = [&] {
@@ -703,7 +703,7 @@ class FastPolicy final : public GraspPolicy {
   /// From the shell's s to the triangles' one. Not touched: nothing touches up to s.
   Touch exactTouch(const Motion& motion, double guess, double from) {
     constexpr double kInfinite = std::numeric_limits<double>::infinity();
-    constexpr double kSamePairs = 5e-5;  // m, moved back by no more than this the pairs stay the same
+    constexpr double kAfterFirst = 5e-5;  // m, beyond the first pair's touch: others may yet come to be first
     posesOf_ = nullptr;
     double s = guess, window = leastWindow();
     double gatheredAt = s;
@@ -759,7 +759,7 @@ class FastPolicy final : public GraspPolicy {
       s = next;
       if (!settled) {
         // Only what touches about first can still be first.
-        const auto latest = static_cast<float>(first + 0.25 * std::abs(first) + kSamePairs / speed);
+        const auto latest = static_cast<float>(first + 0.25 * std::abs(first) + kAfterFirst / speed);
         for (const MotionLeaf& leaf : motion.leaves) keepDue(latest, searches_[leaf.link]);
         continue;
       }
@@ -914,7 +914,8 @@ class FastPolicy final : public GraspPolicy {
   std::vector<std::uint32_t> blockIds_, blockFirsts_, ordered_, nearIds_, scratchIds_;
   std::vector<float> laneX_, laneY_, laneZ_, low_[2], high_[2], innerLow_[2], innerHigh_[2];
   std::size_t lanes_ = 0;
-  std::vector<std::uint32_t> laneNode_, dueFirst_;
+  std::vector<float> dueX_, dueY_, dueZ_;
+  std::vector<std::uint32_t> laneNode_, laneFirst_, dueFirst_;
   std::vector<Group> exitGroups_ = std::vector<Group>(hand_.links.size());
   std::array<std::vector<ExitLane>, 4> exitBands_;
   std::vector<std::pair<double, double>> intervals_;

@@ -87,20 +87,27 @@ void addSharpEdges(const TriangleMesh& mesh, const std::vector<Vector3d>& normal
   }
 }
 
+using Indices = std::vector<std::uint32_t>::iterator;
+
+/// Orders the indices so that those before `middle` lie before the others along the longest side of their box.
+void part(const std::vector<Vector3d>& place, const Eigen::AlignedBox3d& box, Indices begin, Indices middle,
+          Indices end) {
+  int axis = 0;
+  box.sizes().maxCoeff(&axis);
+  std::nth_element(begin, middle, end, [&](std::uint32_t a, std::uint32_t b) {
+    return std::pair(place[a][axis], a) < std::pair(place[b][axis], b);
+  });
+}
+
 /// Halves across the longest side of the box, cut at multiples of 256, then of 16.
-void orderByPlace(const std::vector<Vector3d>& place, std::vector<std::uint32_t>::iterator begin,
-                  std::vector<std::uint32_t>::iterator end) {
+void orderByPlace(const std::vector<Vector3d>& place, Indices begin, Indices end) {
   const auto count = static_cast<std::size_t>(end - begin);
   if (count <= kWidth) return;
   Eigen::AlignedBox3d box;
   for (auto i = begin; i != end; ++i) box.extend(place[*i]);
-  int axis = 0;
-  box.sizes().maxCoeff(&axis);
   const std::size_t unit = count > kWidth * kWidth ? kWidth * kWidth : kWidth;
   const auto middle = begin + static_cast<std::ptrdiff_t>((count / 2 + unit - 1) / unit * unit);
-  std::nth_element(begin, middle, end, [&](std::uint32_t a, std::uint32_t b) {
-    return std::pair(place[a][axis], a) < std::pair(place[b][axis], b);
-  });
+  part(place, box, begin, middle, end);
   orderByPlace(place, begin, middle);
   orderByPlace(place, middle, end);
 }
@@ -139,8 +146,7 @@ SphereTree makeTree(const SphereTree::Spheres& spheres) {
 }
 
 /// Adds the points as blocks of 16 in balls of kBlockRadius, as few as halving across the longest side takes.
-void addBlocks(const std::vector<Vector3d>& place, std::vector<std::uint32_t>::iterator begin,
-               std::vector<std::uint32_t>::iterator end, std::vector<std::uint32_t>& order) {
+void addBlocks(const std::vector<Vector3d>& place, Indices begin, Indices end, std::vector<std::uint32_t>& order) {
   constexpr double kRounding = 1e-6;  // m
   Eigen::AlignedBox3d box;
   for (auto i = begin; i != end; ++i) box.extend(place[*i]);
@@ -152,12 +158,8 @@ void addBlocks(const std::vector<Vector3d>& place, std::vector<std::uint32_t>::i
     while (order.size() % kWidth != 0) order.push_back(order.back());
     return;
   }
-  int axis = 0;
-  box.sizes().maxCoeff(&axis);
   const auto middle = begin + (end - begin) / 2;
-  std::nth_element(begin, middle, end, [&](std::uint32_t a, std::uint32_t b) {
-    return std::pair(place[a][axis], a) < std::pair(place[b][axis], b);
-  });
+  part(place, box, begin, middle, end);
   addBlocks(place, begin, middle, order);
   addBlocks(place, middle, end, order);
 }
