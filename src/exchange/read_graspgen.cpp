@@ -10,18 +10,18 @@
 namespace handhold {
 namespace {
 
-using Json = nlohmann::json;
+using JsonInput = nlohmann::json;
 
 /// A value of the file with the path that leads to it.
 struct Place {
   const std::string& file;
   std::string key;
-  const Json& value;
+  const JsonInput& value;
 
   [[noreturn]] void refuse(std::string_view wanted) const {
     const std::string text = value.is_structured()
                                  ? fmt::format("{} of {}", value.is_array() ? "a list" : "a map", value.size())
-                                 : value.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 60);
+                                 : value.dump(-1, ' ', false, JsonInput::error_handler_t::replace).substr(0, 60);
     throw InputError(fmt::format("{}: {} is {}, want {}", file, key.empty() ? "the file" : key, text, wanted));
   }
   Place at(const char* name) const {
@@ -59,10 +59,10 @@ bool readVerdict(const Place& place) {
   return place.value.is_boolean() ? place.value.get<bool>() : place.number() != 0;
 }
 
-Json parse(const std::string& path) {
+JsonInput parse(const std::string& path) {
   try {
-    return Json::parse(readFile(path));
-  } catch (const Json::exception& error) {  // also for a number that is too large
+    return JsonInput::parse(readFile(path));
+  } catch (const JsonInput::exception& error) {  // also for a number that is too large
     std::string reason = error.what();
     std::replace(reason.begin(), reason.end(), '\n', ' ');
     throw InputError(fmt::format("{}: is no valid JSON: {}", path, reason));
@@ -72,7 +72,7 @@ Json parse(const std::string& path) {
 }  // namespace
 
 GraspFile readGraspGen(const std::string& path) {
-  const Json json = parse(path);
+  const JsonInput json = parse(path);
   const Place top{path, "", json};
   GraspFile result;
   result.format = "graspgen";

@@ -8,8 +8,8 @@ namespace handhold {
 namespace {
 
 constexpr int kMostIterations = 100, kMostHalvings = 40;
-constexpr double kRounding = 1e-13;   // of the sum, relative
-constexpr double kConverged = 1e-10;  // of the gradient, an observation
+constexpr double kSumRounding = 1e-13;  // of the sum, relative
+constexpr double kConverged = 1e-10;    // of the gradient, an observation
 
 /// log(1 + exp(z)) without overflow.
 double softplus(double z) { return std::max(z, 0.0) + std::log1p(std::exp(-std::abs(z))); }
@@ -49,7 +49,7 @@ LogisticFit fitLogistic(const Eigen::MatrixXd& X, const Eigen::VectorXd& y, doub
     hessian.diagonal() += objective.pull;
     const Eigen::VectorXd step = hessian.ldlt().solve(gradient);
     double length = 1;
-    const double highest = value + kRounding * std::max(1.0, value);  // the sum itself is rounded
+    const double highest = value + kSumRounding * std::max(1.0, value);  // the sum itself is rounded
     for (int i = 0; i < kMostHalvings && objective.value(b - length * step) > highest; ++i) length /= 2;
     b -= length * step;
     value = objective.value(b);

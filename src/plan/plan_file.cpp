@@ -12,31 +12,31 @@
 namespace handhold {
 namespace {
 
-using Json = nlohmann::json;
+using JsonInput = nlohmann::json;
 
-Eigen::VectorXd vectorOf(const Json& json, std::size_t size) {
+Eigen::VectorXd vectorOf(const JsonInput& json, std::size_t size) {
   const auto values = json.get<std::vector<double>>();
   if (values.size() != size) throw InputError(fmt::format("has {} numbers, want {}", values.size(), size));
   return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(size));
 }
 
-Eigen::Isometry3d poseOf(const Json& json) {
+Eigen::Isometry3d poseOf(const JsonInput& json) {
   const Eigen::VectorXd p = vectorOf(json, 7);
   const Eigen::Quaterniond q(p[6], p[3], p[4], p[5]);
   if (!(std::abs(q.norm() - 1) < 1e-3)) throw InputError("has no unit quaternion x y z w at its end");
   return Eigen::Translation3d(p.head<3>()) * q.normalized();
 }
 
-Trajectory trajectoryOf(const Json& json, std::size_t joints) {
+Trajectory trajectoryOf(const JsonInput& json, std::size_t joints) {
   Trajectory trajectory;
-  for (const Json& row : json.at("points")) {
+  for (const JsonInput& row : json.at("points")) {
     trajectory.points.push_back({row.at("time_from_start").get<double>(), vectorOf(row.at("positions"), joints),
                                  vectorOf(row.at("velocities"), joints)});
     const std::size_t i = trajectory.points.size() - 1;
     if (i > 0 && !(trajectory.points[i].time > trajectory.points[i - 1].time))
       throw InputError(fmt::format("points do not follow each other in time at point {}", i));
   }
-  for (const Json& row : json.at("segments")) {
+  for (const JsonInput& row : json.at("segments")) {
     const TrajectorySegment segment{row.at("name"), row.at("begin"), row.at("end")};
     if (segment.begin > segment.end || segment.end >= trajectory.points.size())
       throw InputError(fmt::format("segment {} leaves the {} points", segment.name, trajectory.points.size()));
@@ -46,7 +46,7 @@ Trajectory trajectoryOf(const Json& json, std::size_t joints) {
   return trajectory;
 }
 
-FiledMotion motionOf(const Json& json) {
+FiledMotion motionOf(const JsonInput& json) {
   FiledMotion motion;
   motion.arm = json.at("arm");
   motion.jointNames = json.at("trajectory").at("joint_names").get<std::vector<std::string>>();
@@ -54,7 +54,7 @@ FiledMotion motionOf(const Json& json) {
   return motion;
 }
 
-PlanSource sourceOf(const Json& json) {
+PlanSource sourceOf(const JsonInput& json) {
   PlanSource source;
   source.robot = json.at("robot");
   source.database = json.at("db");
@@ -68,7 +68,7 @@ PlanSource sourceOf(const Json& json) {
   return source;
 }
 
-void readPlan(const Json& json, PlanFile& file) {
+void readPlan(const JsonInput& json, PlanFile& file) {
   if (!json.contains("trajectory")) return;
   file.motions.push_back(motionOf(json));
   file.motions.back().object = json.at("object");
@@ -79,12 +79,12 @@ void readPlan(const Json& json, PlanFile& file) {
   file.rank = json.at("rank");
 }
 
-void readTask(const Json& json, PlanFile& file) {
+void readTask(const JsonInput& json, PlanFile& file) {
   file.isTask = true;
-  for (const Json& row : json.at("steps")) {
+  for (const JsonInput& row : json.at("steps")) {
     file.steps.push_back({row.at("step"), row.at("object"), row.value("arm", ""), row.at("rejected")});
     if (!row.contains("motions")) continue;
-    for (const Json& moved : row.at("motions")) {
+    for (const JsonInput& moved : row.at("motions")) {
       FiledMotion motion = motionOf(moved);
       motion.object = row.at("object");
       motion.step = row.at("step");
@@ -104,12 +104,12 @@ PlanFile readPlanFile(const std::filesystem::path& path) {
         fmt::format("{}: {}, want a file that handhold-plan plan or task wrote", path.string(), error.what()));
   };
   try {
-    const Json json = Json::parse(text);
+    const JsonInput json = JsonInput::parse(text);
     file.status = json.at("status");
     file.reason = json.value("reason", "");
     if (json.contains("source")) file.source = sourceOf(json.at("source"));
     json.contains("steps") ? readTask(json, file) : readPlan(json, file);
-  } catch (const Json::exception& error) {
+  } catch (const JsonInput::exception& error) {
     refuse(error);
   } catch (const InputError& error) {
     refuse(error);

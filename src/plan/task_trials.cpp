@@ -23,7 +23,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Json = nlohmann::ordered_json;
 
-constexpr int kDraws = 1000;           // of one object or block
+constexpr int kPlaceDraws = 1000;      // of one object or block
 constexpr int kDrawnPerFeasible = 10;  // scenes, before giving up
 
 /// What something covers, seen from above.
@@ -78,7 +78,7 @@ class SceneDrawer {
     TaskObject& object = task_.objects[i];
     const TriangleMesh mesh = objectMeshes_(object.object);
     const auto region = task_.trials->objects.find(i);
-    for (int draw = 0; draw < kDraws; ++draw) {
+    for (int draw = 0; draw < kPlaceDraws; ++draw) {
       if (region != task_.trials->objects.end()) object.X_WO = region->second.sample(stream_.child(counter_++));
       const Disc disc = discOf(mesh, object.X_WO);
       if (!isFree(disc, taken_)) continue;
@@ -93,7 +93,7 @@ class SceneDrawer {
     const Obstacle& ground = task_.surroundings.obstacles[task_.trials->on];
     const Eigen::AlignedBox3d on = boundingBox(ground.shape->mesh).transformed(ground.X_WS);
     const Vector3d about = task_.objects[static_cast<std::size_t>(number) % task_.objects.size()].X_WO.translation();
-    for (int draw = 0; draw < kDraws; ++draw) {
+    for (int draw = 0; draw < kPlaceDraws; ++draw) {
       const Vector3d size(between(0.04, 0.1), between(0.04, 0.1), between(0.08, 0.25));
       const double angle = between(0, 2 * std::numbers::pi), yaw = between(0, 2 * std::numbers::pi);
       const Vector2d center = about.head<2>() + task_.trials->circle * Vector2d(std::cos(angle), std::sin(angle));

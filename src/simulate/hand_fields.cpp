@@ -326,10 +326,10 @@ void walkColumn(const std::vector<PlacedLink>& placed, const Vector3d& start, do
 /// with what may be covered.
 ColumnField innerColumns(const HandFields& fields, const PreshapeFields& preshape, const ColumnField& outer,
                          const std::atomic<bool>* cancel) {
-  constexpr double kStep = 1e-3;  // m
+  constexpr double kWalkStep = 1e-3;  // m
   ColumnField field = outer;
   const Lattice<float>& lattice = outer.top[0];
-  const double radius = std::sqrt(0.5) * lattice.step + 0.5 * kStep;
+  const double radius = std::sqrt(0.5) * lattice.step + 0.5 * kWalkStep;
   const auto isInside = [&](const Vector3d& p) {
     return std::any_of(fields.links.begin(), fields.links.end(), [&](int link) {
       return fields.grids[link]->closed && fields.grids[link]->upperBound(preshape.X_LG[link] * p) + radius <= 0;
@@ -343,7 +343,7 @@ ColumnField innerColumns(const HandFields& fields, const PreshapeFields& preshap
       for (int k = 0; k < 2; ++k) {
         const float lowest = outer.bottom[k].value[i];
         bool inside = false;
-        for (float z = outer.top[k].value[i]; z >= lowest; z -= static_cast<float>(kStep)) {
+        for (float z = outer.top[k].value[i]; z >= lowest; z -= static_cast<float>(kWalkStep)) {
           const Vector3d node = lattice.node(x, y, 0);
           const bool now = isInside({node.x(), node.y(), z});
           if (now && !inside) runs.emplace_back(z, z);

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kMagic = "# HANDHOLD CALIBRATION ", kVersion = "1";
+constexpr std::string_view kCalibrationMagic = "# HANDHOLD CALIBRATION ", kVersion = "1";
 constexpr std::size_t kHashLength = 32;
 
 template <class Measures, class Visit>
@@ -206,7 +206,8 @@ std::vector<double> holdProbabilities(const HoldCalibration& c, const GraspSet& 
 
 void writeCalibration(const fs::path& path, const HoldCalibration& calibration) {
   const std::string text = encode(calibration);
-  replaceContent(path, fmt::format("{}{} {}\n{}", kMagic, kVersion, hashBytes(text.data(), text.size()), text));
+  replaceContent(path,
+                 fmt::format("{}{} {}\n{}", kCalibrationMagic, kVersion, hashBytes(text.data(), text.size()), text));
 }
 
 HoldCalibration readCalibration(const fs::path& path) {
@@ -214,11 +215,11 @@ HoldCalibration readCalibration(const fs::path& path) {
   const auto refuse = [&](const std::string& message) {
     throw InputError(fmt::format("{}: {}", path.string(), message));
   };
-  if (!bytes.starts_with(kMagic)) {
-    refuse(fmt::format("is no calibration: it does not start with \"{}\"", kMagic));
+  if (!bytes.starts_with(kCalibrationMagic)) {
+    refuse(fmt::format("is no calibration: it does not start with \"{}\"", kCalibrationMagic));
   }
-  const std::size_t space = std::min(bytes.find(' ', kMagic.size()), bytes.size());
-  const std::string version = bytes.substr(kMagic.size(), space - kMagic.size());
+  const std::size_t space = std::min(bytes.find(' ', kCalibrationMagic.size()), bytes.size());
+  const std::string version = bytes.substr(kCalibrationMagic.size(), space - kCalibrationMagic.size());
   if (version != kVersion) refuse(fmt::format("has version {}, want {}", version, kVersion));
   const std::size_t begin = space + kHashLength + 2;  // after the space, the hash and the line's end
   if (bytes.size() < begin) refuse("is damaged: it ends in its first line");

@@ -17,8 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kMagic = "HANDHOLD PHYSICS RESULTS 1\n";
-constexpr std::size_t kBlockBytes = 512, kHashLength = 32;
+constexpr std::string_view kResultsMagic = "HANDHOLD PHYSICS RESULTS 1\n";
+constexpr std::size_t kResultsBlockBytes = 512, kHashLength = 32;
 
 template <class Visit>
 void forEachAttribute(const Visit& visit) {
@@ -69,7 +69,7 @@ void check(const PhysicsSet& physics, const std::string& where) {
 }
 
 std::string encode(const PhysicsSet& physics) {
-  Hdf5Builder file(kBlockBytes);
+  Hdf5Builder file(kResultsBlockBytes);
   forEachAttribute([&](const char* name, auto member) {
     if constexpr (std::is_same_v<decltype(member), std::string PhysicsSet::*>) {
       file.setText("/", name, physics.*member);
@@ -85,8 +85,8 @@ std::string encode(const PhysicsSet& physics) {
   file.setTexts("/load", "directions", physics.directionNames);
   file.setTexts("/settled", "tests", physics.testNames);
   const std::string image = file.image();
-  std::string block = std::string(kMagic) + hashBytes(image.data(), image.size());
-  block.resize(kBlockBytes, '\0');
+  std::string block = std::string(kResultsMagic) + hashBytes(image.data(), image.size());
+  block.resize(kResultsBlockBytes, '\0');
   return block + image;
 }
 
@@ -105,12 +105,12 @@ PhysicsSet readPhysics(const fs::path& path) {
   };
   {
     const std::string bytes = readFile(path);
-    if (!bytes.starts_with(kMagic) || bytes.size() < kBlockBytes) {
-      refuse(
-          fmt::format("holds no physics results: it does not start with \"{}\"", kMagic.substr(0, kMagic.size() - 1)));
+    if (!bytes.starts_with(kResultsMagic) || bytes.size() < kResultsBlockBytes) {
+      refuse(fmt::format("holds no physics results: it does not start with \"{}\"",
+                         kResultsMagic.substr(0, kResultsMagic.size() - 1)));
     }
-    const std::string found = hashBytes(bytes.data() + kBlockBytes, bytes.size() - kBlockBytes);
-    const std::string wanted = bytes.substr(kMagic.size(), kHashLength);
+    const std::string found = hashBytes(bytes.data() + kResultsBlockBytes, bytes.size() - kResultsBlockBytes);
+    const std::string wanted = bytes.substr(kResultsMagic.size(), kHashLength);
     if (found != wanted) refuse(fmt::format("is damaged: the checksum of its data is {}, want {}", found, wanted));
   }
   const Hdf5View file(path);

@@ -13,13 +13,13 @@ namespace {
 using svg::line;
 using svg::text;
 
-constexpr double kSide = 320, kTop = 60, kLeft = 64, kGap = 60;
+constexpr double kSquareSide = 320, kSquareTop = 60, kSquareLeft = 64, kBetween = 60;
 
 /// A square of [0, 1] x [0, 1].
 struct Square {
-  double left = kLeft;
-  double x(double value) const { return left + kSide * value; }
-  double y(double value) const { return kTop + kSide * (1 - value); }
+  double left = kSquareLeft;
+  double x(double value) const { return left + kSquareSide * value; }
+  double y(double value) const { return kSquareTop + kSquareSide * (1 - value); }
 
   std::string axes(const std::string& xLabel, const std::string& yLabel) const {
     std::string drawn;
@@ -46,7 +46,7 @@ std::string rocSvg(const std::string& title, const std::vector<RocSeries>& serie
     std::string points;
     std::array<double, 2> last{-1, -1};
     for (const auto& point : series[i].points) {
-      const bool isSeen = std::hypot(point[0] - last[0], point[1] - last[1]) * kSide >= 1;  // apart from the last
+      const bool isSeen = std::hypot(point[0] - last[0], point[1] - last[1]) * kSquareSide >= 1;  // apart from the last
       if (!isSeen && &point != &series[i].points.back()) continue;
       points += fmt::format("{:.1f},{:.1f} ", square.x(point[0]), square.y(point[1]));
       last = point;
@@ -64,7 +64,7 @@ std::string reliabilitySvg(const std::string& title, const std::vector<Reliabili
   std::string drawn;
   Square square;
   for (const ReliabilityPanel& panel : panels) {
-    drawn += text(square.x(0.5), kTop - 10, "middle", panel.name, 13);
+    drawn += text(square.x(0.5), kSquareTop - 10, "middle", panel.name, 13);
     drawn += square.axes("probability", "share that held, 95 % interval");
     for (const ReliabilityPanel::Bin& bin : panel.bins) {
       const double x = square.x(bin.predicted);
@@ -75,9 +75,9 @@ std::string reliabilitySvg(const std::string& title, const std::vector<Reliabili
       drawn += text(square.x(bin.middle), square.y(0) + 60, "middle", fmt::format("{}", bin.count), 11);
     }
     drawn += text(square.x(0) - 8, square.y(0) + 60, "end", "n", 11);
-    square.left += kSide + kGap + 16;
+    square.left += kSquareSide + kBetween + 16;
   }
-  const double width = square.left - kGap + 8;
+  const double width = square.left - kBetween + 8;
   return svg::document(width, square.y(0) + 72, text(width / 2, 24, "middle", title, 15) + drawn);
 }
 

@@ -12,7 +12,7 @@ namespace {
 
 using ::testing::ElementsAre;
 
-Job jobOf(std::size_t objects, std::size_t samples = 200) {
+Job jobWith(std::size_t objects, std::size_t samples = 200) {
   Job job;
   job.samples = samples;
   job.rolls = 8;
@@ -40,7 +40,7 @@ std::vector<std::size_t> loads(const Job& job, const std::vector<ShardedSet>& se
 TEST(Shards, AreBalancedByCost) {
   const std::vector<Hand> hands = {handOf("five", 5), handOf("one", 1), handOf("twelve", 12)};
   for (const std::size_t objects : {1U, 7U, 500U}) {
-    const Job job = jobOf(objects);
+    const Job job = jobWith(objects);
     for (std::size_t shards = 1; shards <= 64; shards = shards < 9 ? shards + 1 : shards + 11) {
       const auto sets = dealSets(job, hands, "*", "*", shards);
       ASSERT_EQ(sets.size(), 3 * objects);
@@ -58,7 +58,7 @@ TEST(Shards, AreBalancedByCost) {
 
 // Every task of an array computes the split by itself: these are the shards on every machine, in every run.
 TEST(Shards, AreTheSameEverywhere) {
-  const Job job = jobOf(4);
+  const Job job = jobWith(4);
   const std::vector<Hand> hands = {handOf("five", 5), handOf("one", 1)};
   std::vector<std::size_t> shards;
   for (const ShardedSet& set : dealSets(job, hands, "*", "*", 3)) shards.push_back(set.shard);
@@ -66,7 +66,7 @@ TEST(Shards, AreTheSameEverywhere) {
 }
 
 TEST(Shards, ComeByObjectAndHandAndFollowTheGlobs) {
-  const Job job = jobOf(12);
+  const Job job = jobWith(12);
   const std::vector<Hand> hands = {handOf("five", 5), handOf("one", 1)};
   std::vector<std::string> names;
   for (const ShardedSet& set : dealSets(job, hands, "object_100[12]", "*", 2)) {
@@ -80,9 +80,9 @@ TEST(Shards, ComeByObjectAndHandAndFollowTheGlobs) {
 
 TEST(Shards, CostGrowsWithTrialsAndIsKnownForAPitch) {
   const Hand five = handOf("five", 5), one = handOf("one", 1);
-  EXPECT_GT(estimatedCost(jobOf(1), five), estimatedCost(jobOf(1), one));
-  EXPECT_GT(estimatedCost(jobOf(1, 400), one), estimatedCost(jobOf(1, 200), one));
-  EXPECT_GT(estimatedCost(jobOf(1, 0), five), estimatedCost(jobOf(1, 0), one));  // samples = 0: a pitch
+  EXPECT_GT(estimatedCost(jobWith(1), five), estimatedCost(jobWith(1), one));
+  EXPECT_GT(estimatedCost(jobWith(1, 400), one), estimatedCost(jobWith(1, 200), one));
+  EXPECT_GT(estimatedCost(jobWith(1, 0), five), estimatedCost(jobWith(1, 0), one));  // samples = 0: a pitch
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ const MeshUnit kUnwritten{};
 
 ObjectModel repair(const TriangleMesh& mesh) { return repairObject(mesh, kMetres, "thing"); }
 
-std::string refusal(const TriangleMesh& mesh, const MeshUnit& unit = kMetres) {
+std::string refusalOf(const TriangleMesh& mesh, const MeshUnit& unit = kMetres) {
   try {
     repairObject(mesh, unit, "thing.obj");
   } catch (const InputError& error) {
@@ -240,46 +240,46 @@ TEST(Orientation, MoebiusStripIsAcceptedWithAWarning) {
 }
 
 TEST(Refusal, NoTriangles) {
-  EXPECT_EQ(refusal({}), "thing.obj: has no triangles");
-  EXPECT_EQ(refusal({{{0, 0, 0}, {1, 0, 0}}, {}}), "thing.obj: has no triangles");
+  EXPECT_EQ(refusalOf({}), "thing.obj: has no triangles");
+  EXPECT_EQ(refusalOf({{{0, 0, 0}, {1, 0, 0}}, {}}), "thing.obj: has no triangles");
 }
 
 TEST(Refusal, CoordinateNotFinite) {
   TriangleMesh mesh = test::cube(0.1);
   mesh.vertices[5].y() = std::nan("");
-  EXPECT_EQ(refusal(mesh), "thing.obj: vertex 5 is (0.1, nan, 0.1), want finite numbers");
+  EXPECT_EQ(refusalOf(mesh), "thing.obj: vertex 5 is (0.1, nan, 0.1), want finite numbers");
   mesh.vertices[5].y() = 1e300;  // no 32-bit float
-  EXPECT_THAT(refusal(mesh), HasSubstr("vertex 5 is ("));
+  EXPECT_THAT(refusalOf(mesh), HasSubstr("vertex 5 is ("));
 }
 
 TEST(Refusal, IndexOutOfRange) {
   TriangleMesh mesh = test::cube(0.1);
   mesh.triangles[7][1] = 8;
-  EXPECT_EQ(refusal(mesh), "thing.obj: triangle 7 uses vertex 8, want below 8");
+  EXPECT_EQ(refusalOf(mesh), "thing.obj: triangle 7 uses vertex 8, want below 8");
 }
 
 TEST(Refusal, NoArea) {
   TriangleMesh mesh;
   mesh.vertices = {{0, 0, 0}, {0.1, 0.1, 0.1}, {0.2, 0.2, 0.2}};
   mesh.triangles = {{0, 1, 2}, {0, 0, 1}};
-  EXPECT_EQ(refusal(mesh), "thing.obj: has no triangle with an area");
+  EXPECT_EQ(refusalOf(mesh), "thing.obj: has no triangle with an area");
 }
 
 TEST(Refusal, ClosedWithoutVolume) {
   TriangleMesh sheet;
   sheet.vertices = {{0, 0, 0}, {0.1, 0, 0}, {0.1, 0.1, 0}, {0, 0.1, 0}};
   sheet.triangles = {{0, 1, 2}, {0, 2, 3}, {0, 2, 1}, {0, 3, 2}};
-  EXPECT_THAT(refusal(sheet), HasSubstr("is closed but encloses no volume"));
+  EXPECT_THAT(refusalOf(sheet), HasSubstr("is closed but encloses no volume"));
 }
 
 TEST(Refusal, ImplausibleSizeWithoutUnit) {
   EXPECT_EQ(
-      refusal(test::cube(20), kUnwritten),
+      refusalOf(test::cube(20), kUnwritten),
       "thing.obj: the diagonal is 34.6 m when no unit is written, want 0.005 to 2 m or a `unit:`; `unit: mm` would "
       "make it 0.0346 m, `unit: cm` would make it 0.346 m, `unit: in` would make it 0.88 m");
-  EXPECT_THAT(refusal(test::cube(1e6), kUnwritten), HasSubstr("no common unit fits: write `scale:`"));
-  EXPECT_THAT(refusal(test::cube(0.001), kUnwritten), HasSubstr("the diagonal is 0.00173 m"));
-  EXPECT_EQ(refusal(test::cube(0.1), kUnwritten), "accepted");
+  EXPECT_THAT(refusalOf(test::cube(1e6), kUnwritten), HasSubstr("no common unit fits: write `scale:`"));
+  EXPECT_THAT(refusalOf(test::cube(0.001), kUnwritten), HasSubstr("the diagonal is 0.00173 m"));
+  EXPECT_EQ(refusalOf(test::cube(0.1), kUnwritten), "accepted");
   EXPECT_THAT(repair(test::cube(20)).warnings, Contains("the diagonal is 34.6 m with the unit \"m\""));
 }
 
@@ -290,13 +290,13 @@ TEST(Refusal, Soup) {
     mesh.vertices.emplace_back(random.uniform(3 * i), random.uniform(3 * i + 1), random.uniform(3 * i + 2));
     if (i % 3 == 2) mesh.triangles.push_back({i - 2, i - 1, i});
   }
-  EXPECT_EQ(refusal(mesh),
+  EXPECT_EQ(refusalOf(mesh),
             "thing.obj: is a soup of unconnected triangles: 0 of 300 edges are shared by two of them, want "
             "half");
 }
 
 TEST(Refusal, ScaleNotPositive) {
-  EXPECT_EQ(refusal(test::cube(1), {0, true, "0"}), "thing.obj: the scale is 0, want a positive number");
+  EXPECT_EQ(refusalOf(test::cube(1), {0, true, "0"}), "thing.obj: the scale is 0, want a positive number");
 }
 
 }  // namespace

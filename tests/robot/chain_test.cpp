@@ -2,6 +2,7 @@
 
 #include "core/random.h"
 #include "robot/robot.h"
+#include "robot/robot_files.h"
 
 #include <string>
 
@@ -10,10 +11,11 @@
 namespace handhold {
 namespace {
 
-const std::string kRobots = std::string(HANDHOLD_SOURCE_DIR) + "/robots/";
-constexpr double kTol = 1e-12;  // m: rounding of a dozen transforms
+using testing::kRobots;
 
-Eigen::VectorXd randomPosture(const ArmChain& chain, std::uint64_t seed) {
+constexpr double kChainTol = 1e-12;  // m: rounding of a dozen transforms
+
+Eigen::VectorXd anyPosture(const ArmChain& chain, std::uint64_t seed) {
   Eigen::VectorXd q(chain.size());
   for (Eigen::Index i = 0; i < chain.size(); ++i) {
     const double share = RandomStream(seed).uniform(static_cast<std::uint64_t>(i));
@@ -33,12 +35,12 @@ TEST_P(ChainTest, TipIsWhereTheMechanismHasIt) {
     const ArmChain chain = makeChain(robot_, static_cast<int>(a));
     ASSERT_EQ(chain.steps.size(), arm.joints.size());
     for (int seed = 0; seed < 100; ++seed) {
-      const Eigen::VectorXd q = randomPosture(chain, seed);
+      const Eigen::VectorXd q = anyPosture(chain, seed);
       Eigen::VectorXd all = robot_.home;
       for (std::size_t i = 0; i < arm.joints.size(); ++i) all[arm.joints[i]] = q[i];
       const auto X_BL = forwardKinematics(robot_.body, all);
       const Eigen::Isometry3d expected = X_BL[arm.baseLink].inverse() * X_BL[arm.tipLink];
-      EXPECT_LT((tipPose(chain, q).matrix() - expected.matrix()).cwiseAbs().maxCoeff(), kTol) << "seed " << seed;
+      EXPECT_LT((tipPose(chain, q).matrix() - expected.matrix()).cwiseAbs().maxCoeff(), kChainTol) << "seed " << seed;
     }
   }
 }
@@ -47,10 +49,10 @@ TEST_P(ChainTest, JacobianIsTheDerivative) {
   constexpr double kStep = 1e-6, kDerivativeTol = 1e-8;  // central differences of motions of about a metre
   const ArmChain chain = makeChain(robot_, 0);
   for (int seed = 0; seed < 20; ++seed) {
-    const Eigen::VectorXd q = randomPosture(chain, seed);
+    const Eigen::VectorXd q = anyPosture(chain, seed);
     Eigen::Matrix<double, 6, Eigen::Dynamic> J;
     const Eigen::Isometry3d X = tipPose(chain, q, J);
-    EXPECT_LT((X.matrix() - tipPose(chain, q).matrix()).norm(), kTol);
+    EXPECT_LT((X.matrix() - tipPose(chain, q).matrix()).norm(), kChainTol);
     for (Eigen::Index i = 0; i < chain.size(); ++i) {
       Eigen::VectorXd before = q, after = q;
       before[i] -= kStep;
@@ -80,10 +82,10 @@ TEST(Chain, APrismaticJointSlides) {
   Eigen::VectorXd q(2);
   q << std::acos(0.0), 0.25;  // a quarter turn: x points to y
   Eigen::Matrix<double, 6, Eigen::Dynamic> J;
-  EXPECT_LT((tipPose(chain, q, J).translation() - Eigen::Vector3d(0, 0.75, 1)).norm(), kTol);
+  EXPECT_LT((tipPose(chain, q, J).translation() - Eigen::Vector3d(0, 0.75, 1)).norm(), kChainTol);
   Eigen::Matrix<double, 6, 2> expected;
   expected << -0.75, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1, 0;
-  EXPECT_LT((J - expected).norm(), kTol);
+  EXPECT_LT((J - expected).norm(), kChainTol);
 }
 
 // Three axes that meet have their meeting point as shoulder.
@@ -91,7 +93,7 @@ TEST(Chain, TheShoulderIsWhereTheFirstAxesMeet) {
   const Robot robot = loadRobot(kRobots + "hrp2");
   for (int arm = 0; arm < 2; ++arm) {
     const double side = robot.arms[arm].name == "right" ? -1 : 1;
-    EXPECT_LT((shoulderPoint(makeChain(robot, arm)) - Eigen::Vector3d(0.008, side * 0.25, 0.181)).norm(), kTol);
+    EXPECT_LT((shoulderPoint(makeChain(robot, arm)) - Eigen::Vector3d(0.008, side * 0.25, 0.181)).norm(), kChainTol);
   }
 }
 
@@ -100,12 +102,12 @@ TEST(Chain, AChestCarriesTheShoulder) {
   const Eigen::Vector3d chest(0.032, 0, 0.3477);
   EXPECT_LT(
       (shoulderPoint(makeChain(robot, findArm(robot, "right"))) - chest - Eigen::Vector3d(0.008, -0.25, 0.181)).norm(),
-      kTol);
+      kChainTol);
 }
 
 TEST(Chain, TheShoulderOfThePumaIsOnItsColumn) {
   const Eigen::Vector3d p = shoulderPoint(makeChain(loadRobot(kRobots + "puma560"), 0));
-  EXPECT_LT(p.head<2>().norm(), kTol);
+  EXPECT_LT(p.head<2>().norm(), kChainTol);
   EXPECT_GT(p.z(), 0.6);
 }
 
@@ -115,9 +117,9 @@ TEST(Chain, TheShoulderOfParallelAxes) {
   for (const double x : {0.1, 0.2, 0.3})
     chain.steps.push_back(step(JointType::revolute, {x, 0, 0.1}, Eigen::Vector3d::UnitZ()));
   // At x = 0.1, 0.3 and z = 0.1, 0.2.
-  EXPECT_LT((shoulderPoint(chain) - Eigen::Vector3d(0.2, 0, 0.15)).norm(), kTol);
+  EXPECT_LT((shoulderPoint(chain) - Eigen::Vector3d(0.2, 0, 0.15)).norm(), kChainTol);
   chain.steps.resize(1);
-  EXPECT_LT((shoulderPoint(chain) - Eigen::Vector3d(0.1, 0, 0.1)).norm(), kTol);
+  EXPECT_LT((shoulderPoint(chain) - Eigen::Vector3d(0.1, 0, 0.1)).norm(), kChainTol);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include "core/random.h"
 #include "robot/robot.h"
+#include "robot/robot_files.h"
 #include "support/random_contacts.h"
 #include "support/sanitized.h"
 
@@ -21,8 +22,8 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 using Solutions = std::vector<VectorXd>;
+using testing::kRobots;
 
-const std::string kRobots = std::string(HANDHOLD_SOURCE_DIR) + "/robots/";
 constexpr double kPi = std::numbers::pi;
 constexpr double kDistinct = 1e-4;  // as the header says
 constexpr int kPoses = testing::kSanitized ? 300 : 10000;

@@ -13,6 +13,8 @@
 
 namespace handhold::testing {
 
+inline const std::string kRobots = std::string(HANDHOLD_SOURCE_DIR) + "/robots/";  // the project's own
+
 inline std::string boxLink(const std::string& name, const std::string& size) {
   return fmt::format("<link name=\"{}\"><collision><geometry><box size=\"{}\"/></geometry></collision></link>\n", name,
                      size);

@@ -19,10 +19,9 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 using testing::indexOf;
 
-const std::string kRobots = std::string(HANDHOLD_SOURCE_DIR) + "/robots/";
 constexpr double kDegree = 3.14159265358979323846 / 180;
 constexpr double kLimitTol = 2e-6;  // rad: files have six decimals
-constexpr double kTol = 1e-9;       // m
+constexpr double kFileTol = 1e-9;   // m
 
 void expectLimits(const Robot& robot, const std::string& name, double lower, double upper) {
   const Joint& joint = robot.body.joints.at(indexOf(robot.body.joints, name));
@@ -31,6 +30,7 @@ void expectLimits(const Robot& robot, const std::string& name, double lower, dou
 }
 
 using LinkPairs = std::vector<std::pair<int, int>>;
+using testing::kRobots;
 
 /// Links that touch and may not, lower index first.
 LinkPairs touchingAt(const Robot& robot, const VectorXd& q) {
@@ -104,8 +104,8 @@ VectorXd posture(const std::vector<double>& degrees) {
 
 void expectTip(const ArmChain& chain, const VectorXd& q, const Vector3d& position, const Vector3d& z) {
   const Eigen::Isometry3d X = tipPose(chain, q);
-  EXPECT_LT((X.translation() - position).norm(), kTol) << X.translation().transpose();
-  EXPECT_LT((X.linear().col(2) - z).norm(), kTol) << X.linear().col(2).transpose();
+  EXPECT_LT((X.translation() - position).norm(), kFileTol) << X.translation().transpose();
+  EXPECT_LT((X.linear().col(2) - z).norm(), kFileTol) << X.linear().col(2).transpose();
 }
 
 // The postures that the source of the DH table names, by its lengths.
@@ -135,8 +135,8 @@ TEST(Hrp2, StandsWhereItsTableSays) {
     // Elbow at a right angle: the forearm points forward.
     expectTip(chain, posture({0, 0, 0, 0, 0, -90, 0, 0}), shoulder + Vector3d(0.25, 0, -0.25), -Vector3d::UnitX());
     // The palm leaves the wrist down the hanging arm, the jaw in front.
-    EXPECT_LT((robot.arms[arm].X_TH.linear() * Vector3d::UnitZ() + Vector3d::UnitZ()).norm(), kTol);
-    EXPECT_LT((robot.arms[arm].X_TH.linear() * Vector3d::UnitX() + Vector3d::UnitX()).norm(), kTol);
+    EXPECT_LT((robot.arms[arm].X_TH.linear() * Vector3d::UnitZ() + Vector3d::UnitZ()).norm(), kFileTol);
+    EXPECT_LT((robot.arms[arm].X_TH.linear() * Vector3d::UnitX() + Vector3d::UnitX()).norm(), kFileTol);
   }
   expectLimits(robot, "CHEST_JOINT1", -5, 60);
   expectLimits(robot, "RARM_JOINT1", -95, 10);

@@ -23,7 +23,7 @@ using testing::makeObject;
 using testing::sphereObject;
 
 constexpr double kTolerance = 6e-5;  // m: the reference's own 1e-5, the chord error of round objects 4e-5
-const ReferenceSettings kSettings;
+const ReferenceSettings kReference;
 
 GraspTrial run(const Hand& hand, const ObjectModel& object, const GraspCandidate& candidate) {
   GraspTrial trial;
@@ -42,7 +42,7 @@ ForceClosure verdict(const GraspTrial& trial, const ObjectModel& object, double 
 TEST(ClosedForm, BoxBetweenPlates) {
   const ObjectModel box = boxObject({0.05, 0.1, 0.06});
   const GraspTrial trial = run(makeJaw(false), box, fromAbove(0.03));
-  EXPECT_EQ(trial.backoff, kSettings.startBackoff);
+  EXPECT_EQ(trial.backoff, kReference.startBackoff);
   ASSERT_EQ(trial.jointPosition.size(), 2);
   for (int i = 0; i < 2; ++i) {
     EXPECT_GE(trial.jointPosition[i], 0.025 - 1e-9);  // stops on the free side
@@ -82,9 +82,9 @@ TEST(ClosedForm, SphereInAJaw) {
   constexpr double kRadius = 0.03;
   const ObjectModel sphere = sphereObject(kRadius);
   const GraspTrial trial = run(makeJaw(false), sphere, fromAbove(kRadius));
-  EXPECT_NEAR(trial.backoff, kSettings.startBackoff, kTolerance);
+  EXPECT_NEAR(trial.backoff, kReference.startBackoff, kTolerance);
   for (int i = 0; i < 2; ++i) EXPECT_NEAR(trial.jointPosition[i], kRadius, kTolerance);
-  const double cap = std::sqrt(2 * kRadius * (kSettings.contactDistance + kTolerance)) + 1e-3;
+  const double cap = std::sqrt(2 * kRadius * (kReference.contactDistance + kTolerance)) + 1e-3;
   ASSERT_FALSE(trial.contacts.empty());
   for (const Contact& contact : trial.contacts) {
     EXPECT_NEAR(contact.position.norm(), kRadius, kTolerance);
@@ -134,7 +134,7 @@ TEST(ClosedForm, CoupledFingersCentreOnAnOffsetBox) {
     const ObjectModel box = boxObject({0.03, 0.1, 0.06}, Eigen::Isometry3d(Eigen::Translation3d(offset, 0, 0)));
     const GraspTrial trial = run(hand, box, fromAbove(0.03));
     EXPECT_NEAR((trial.centering - Vector3d(offset, 0, 0)).norm(), 0, kTolerance);
-    EXPECT_EQ(trial.backoff, kSettings.startBackoff);
+    EXPECT_EQ(trial.backoff, kReference.startBackoff);
     EXPECT_EQ(trial.jointPosition[0], trial.jointPosition[2]);
     EXPECT_TRUE(trial.X_OH.translation().isApprox(Vector3d(offset, 0, 0.0303), kTolerance));
     for (const double side : {-1.0, 1.0}) {
@@ -172,7 +172,7 @@ TEST(ClosedForm, FastCoupledFingersCentreAsTheReferenceDoes) {
 TEST(ClosedForm, CylinderInThreeFingers) {
   const ObjectModel cylinder = makeObject(cylinderMesh(0.025, 0.1));
   const GraspTrial trial = run(makeFingers(3), cylinder, fromAbove(0.05));
-  EXPECT_NEAR(trial.backoff, kSettings.startBackoff, kTolerance);
+  EXPECT_NEAR(trial.backoff, kReference.startBackoff, kTolerance);
   for (int i = 1; i < 3; ++i) {
     // The cylinder's facets are not the same to every finger: 4e-5 m at 30 mm from the joint.
     EXPECT_NEAR(trial.jointPosition[2 * i], trial.jointPosition[0], 2e-3);
@@ -219,7 +219,7 @@ TEST(ClosedForm, StandoffIsAddedToTheBackoff) {
   const ObjectModel box = boxObject({0.05, 0.1, 0.06});
   Hand hand = makeJaw(false);
   hand.preshapes[0].standoff = 0.012;
-  EXPECT_NEAR(run(hand, box, fromAbove(0.03)).backoff, kSettings.startBackoff + 0.012, 1e-12);
+  EXPECT_NEAR(run(hand, box, fromAbove(0.03)).backoff, kReference.startBackoff + 0.012, 1e-12);
 }
 
 // Inside counts as touching: a hand that starts wholly inside a large block must come out of it.
@@ -264,7 +264,7 @@ TEST(ClosedForm, CenterOfMassPolicyReachesTheSmallestBackoff) {
   for (const double height : {0.0, 0.0123, 0.1}) {
     GraspTrial trial;
     makeReferencePolicy(hand, beside, PolicyKind::centerOfMass)->run(fromAbove(height), trial);
-    EXPECT_EQ(trial.backoff, kSettings.startBackoff);
+    EXPECT_EQ(trial.backoff, kReference.startBackoff);
   }
 }
 

@@ -54,7 +54,7 @@ GraspSet madeUpSet() {
   return set;
 }
 
-RenderSettings smallPicture() {
+RenderSettings thumbnail() {
   RenderSettings settings;
   settings.width = 64;
   settings.height = 48;
@@ -102,7 +102,7 @@ TEST(GraspView, SeesTheContacts) {
 
 TEST(GraspPicture, SamePictureTwice) {
   const GraspSet set = madeUpSet();
-  const Image a = graspPicture(set, 0, smallPicture()), b = graspPicture(set, 0, smallPicture());
+  const Image a = graspPicture(set, 0, thumbnail()), b = graspPicture(set, 0, thumbnail());
   EXPECT_EQ(a.rgb.size(), 3U * 64 * 48);
   EXPECT_EQ(a.rgb, b.rgb);
 }
