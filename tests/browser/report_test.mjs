@@ -250,6 +250,11 @@ async function testLooks(browser) {
     HTMLCanvasElement.prototype.getContext = () => null;
   });
   assert.match(await text(flat, ".canvas"), /no WebGL/);
+  const isOnTop = await flat.evaluate(() => {
+    const note = document.querySelector(".canvas > .empty"), box = note.getBoundingClientRect();
+    return note.contains(document.elementFromPoint((box.left + box.right) / 2, (box.top + box.bottom) / 2));
+  });
+  assert.ok(isOnTop, "the note that there is no WebGL lies below something");
   await flat.keyboard.press("ArrowRight");
   assert.match(await text(flat, ".details h2"), /^Grasp 1/, "without WebGL the numbers are missing");
   assert.ok(flat.complaints.every((complaint) => /WebGL/.test(complaint)), String(flat.complaints));
