@@ -23,10 +23,10 @@ constexpr std::string_view kGraspStage = "bounds";  // of every grasp that is ke
 /// For the reference: the same with `simulation: reference` in the job.
 CostRates defaultRates(Simulation simulation) {
   CostRates rates;
-  rates.secondsPerSet = 0.19;
-  rates.secondsPerTrial = simulation == Simulation::fast ? 4.2e-4 : 3e-3;
-  rates.secondsPerGrasp = 2.4e-4;
-  rates.secondsOnce = simulation == Simulation::fast ? 1.1 : 0;
+  rates.secondsPerSet = 0.16;
+  rates.secondsPerTrial = simulation == Simulation::fast ? 1.8e-4 : 3e-3;
+  rates.secondsPerGrasp = 1.9e-4;
+  rates.secondsOnce = simulation == Simulation::fast ? 1 : 0;
   rates.shareForceClosed = 0.08;
   rates.bytesPerSet = 2.2e5;
   rates.bytesPerSample = 120;
