@@ -106,9 +106,22 @@ struct Sampled {
   VI cell;
 };
 
-HWY_INLINE Sampled sample(const Lattice<float>& lattice, const V3& p) {
+/// Distances at a node and at the next along x.
+struct NodePair {
+  V here, next;
+};
+HWY_INLINE NodePair gatherPair(const std::int32_t* pairs, VI at) {
+  const D d;
+  const VI packed = hn::GatherIndex(DI(), pairs, at);
+  const V unit = hn::Set(d, LinkGrid::kUnit);
+  return {hn::Mul(hn::ConvertTo(d, hn::ShiftRight<16>(hn::ShiftLeft<16>(packed))), unit),
+          hn::Mul(hn::ConvertTo(d, hn::ShiftRight<16>(packed)), unit)};
+}
+
+HWY_INLINE Sampled sample(const LinkGrid& grid, const V3& p) {
   const D d;
   const DI di;
+  const Lattice<float>& lattice = grid.distance;
   const V3 u = inSteps(lattice, p);
   const V zero = hn::Zero(d), one = hn::Set(d, 1.0F);
   const auto clamp = [&](V a, int size) {
@@ -120,12 +133,12 @@ HWY_INLINE Sampled sample(const Lattice<float>& lattice, const V3& p) {
                 hn::Sub(c.z, hn::ConvertTo(d, iz))};
   const VI index =
       hn::Add(hn::Mul(hn::Add(hn::Mul(iz, hn::Set(di, lattice.size[1])), iy), hn::Set(di, lattice.size[0])), ix);
-  const float* v = lattice.value.data();
+  const std::int32_t* v = grid.pairs.data();
   const std::ptrdiff_t row = lattice.size[0], layer = row * lattice.size[1];
-  const V v000 = hn::GatherIndex(d, v, index), v100 = hn::GatherIndex(d, v + 1, index);
-  const V v010 = hn::GatherIndex(d, v + row, index), v110 = hn::GatherIndex(d, v + row + 1, index);
-  const V v001 = hn::GatherIndex(d, v + layer, index), v101 = hn::GatherIndex(d, v + layer + 1, index);
-  const V v011 = hn::GatherIndex(d, v + layer + row, index), v111 = hn::GatherIndex(d, v + layer + row + 1, index);
+  const auto [v000, v100] = gatherPair(v, index);
+  const auto [v010, v110] = gatherPair(v + row, index);
+  const auto [v001, v101] = gatherPair(v + layer, index);
+  const auto [v011, v111] = gatherPair(v + layer + row, index);
   const auto mix = [&](V a, V b, V w) { return hn::MulAdd(hn::Sub(b, a), w, a); };
   const V x00 = mix(v000, v100, f.x), x10 = mix(v010, v110, f.x), x01 = mix(v001, v101, f.x),
           x11 = mix(v011, v111, f.x);
@@ -201,32 +214,33 @@ std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree&
   return count;
 }
 
-std::size_t SelectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, std::uint32_t block,
-                         const Placement& placement, std::uint32_t from, std::uint32_t to, float* x, float* y, float* z,
-                         std::uint32_t* firsts) {
+void SelectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
+                  const Placement& placement, std::uint32_t from, std::uint32_t to, WaitingPoints& points) {
   const D d;
   const DU du;
   const std::size_t N = hn::Lanes(d);
-  std::size_t count = 0;
-  const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
-  for (std::size_t i = begin; i < begin + kGroup; i += N) {
-    M inside;
-    const V3 p = move(placement, load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
-    const VI node = nearestNode(fine, p, inside);
-    const auto cell =
-        hn::BitCast(du, hn::GatherIndex(DI(), reinterpret_cast<const std::int32_t*>(fine.value.data()), node));
-    const auto first = hn::And(cell, hn::Set(du, 0xFFFFU));
-    const auto last = hn::ShiftRight<16>(cell);
-    const auto touch = hn::And(hn::RebindMask(du, inside),
-                               hn::AndNot(hn::Lt(last, hn::Set(du, from)), hn::Lt(first, hn::Set(du, to))));
-    const M mask = hn::RebindMask(d, touch);
-    if (hn::AllFalse(d, mask)) continue;
-    storeSelected(mask, p.x, x + count);
-    storeSelected(mask, p.y, y + count);
-    storeSelected(mask, p.z, z + count);
-    count += storeSelected(mask, hn::Max(first, hn::Set(du, from)), firsts + count);
+  std::size_t count = points.count;
+  for (const std::uint32_t block : blocks) {
+    const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
+    for (std::size_t i = begin; i < begin + kGroup; i += N) {
+      M inside;
+      const V3 p = move(placement, load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
+      const VI node = nearestNode(fine, p, inside);
+      const auto cell =
+          hn::BitCast(du, hn::GatherIndex(DI(), reinterpret_cast<const std::int32_t*>(fine.value.data()), node));
+      const auto first = hn::And(cell, hn::Set(du, 0xFFFFU));
+      const auto last = hn::ShiftRight<16>(cell);
+      const auto touch = hn::And(hn::RebindMask(du, inside),
+                                 hn::AndNot(hn::Lt(last, hn::Set(du, from)), hn::Lt(first, hn::Set(du, to))));
+      const M mask = hn::RebindMask(d, touch);
+      if (hn::AllFalse(d, mask)) continue;
+      storeSelected(mask, p.x, points.x + count);
+      storeSelected(mask, p.y, points.y + count);
+      storeSelected(mask, p.z, points.z + count);
+      count += storeSelected(mask, hn::Max(first, hn::Set(du, from)), points.first + count);
+    }
   }
-  return count;
+  points.count = count;
 }
 
 std::uint32_t TakeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to) {
@@ -290,7 +304,7 @@ HWY_INLINE void motionDistance(const Motion& motion, std::span<const PlacedGrid>
   for (std::size_t k = 0; k < motion.leaves.size(); ++k) {
     const MotionLeaf& leaf = motion.leaves[k];
     const V3 w = rotate(leaf.fromNode, velocity[leaf.node]);
-    const Sampled sampled = sample(grids[k].grid->distance, move(leaf.fromNode, at[leaf.node]));
+    const Sampled sampled = sample(*grids[k].grid, move(leaf.fromNode, at[leaf.node]));
     const M nearer = hn::Lt(sampled.distance, distance);
     distance = hn::IfThenElse(nearer, sampled.distance, distance);
     change = hn::IfThenElse(nearer, dot(sampled.gradient, w), change);
@@ -382,8 +396,7 @@ void Distances(std::span<const PlacedGrid> grids, const Points& points, float* d
   for (std::size_t i = 0; i < kGroup; i += N) {
     const V3 p = load(points.x + i, points.y + i, points.z + i);
     V least = hn::Set(d, kInfinity);
-    for (const PlacedGrid& grid : grids)
-      least = hn::Min(least, sample(grid.grid->distance, move(grid.placement, p)).distance);
+    for (const PlacedGrid& grid : grids) least = hn::Min(least, sample(*grid.grid, move(grid.placement, p)).distance);
     hn::StoreU(least, d, distance + i);
   }
 }
@@ -425,45 +438,41 @@ std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, con
   return count;
 }
 
-std::size_t ColumnIntervals(const ColumnField& fine, const ObjectShell& shell, std::uint32_t block,
-                            const Placement& placement, float from, float* x, float* y, float* z, float* const low[2],
-                            float* const high[2], std::uint32_t* nodes) {
+std::size_t ColumnPoints(const ColumnField& fine, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
+                         const Placement& placement, float from, float* x, float* y, float* z, std::uint32_t* nodes) {
   const D d;
   const DU du;
   const std::size_t N = hn::Lanes(d);
   std::size_t count = 0;
   const Lattice<float>& lattice = fine.top[0];
-  const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
-  for (std::size_t i = begin; i < begin + kGroup; i += N) {
-    M inside;
-    const V3 p = move(placement, load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
-    const VI node = nearestNode(lattice, {p.x, p.y, hn::Zero(d)}, inside);
-    const V top = hn::GatherIndex(d, lattice.value.data(), node);
-    const M touch = hn::And(inside, hn::Ge(hn::Sub(top, p.z), hn::Set(d, from)));
-    if (hn::AllFalse(d, touch)) continue;
-    storeSelected(touch, p.x, x + count);
-    storeSelected(touch, p.y, y + count);
-    storeSelected(touch, p.z, z + count);
-    storeSelected(touch, hn::Sub(hn::GatherIndex(d, fine.bottom[0].value.data(), node), p.z), low[0] + count);
-    storeSelected(touch, hn::Sub(top, p.z), high[0] + count);
-    storeSelected(touch, hn::Sub(hn::GatherIndex(d, fine.bottom[1].value.data(), node), p.z), low[1] + count);
-    storeSelected(touch, hn::Sub(hn::GatherIndex(d, fine.top[1].value.data(), node), p.z), high[1] + count);
-    count += storeSelected(touch, hn::BitCast(du, node), nodes + count);
+  for (const std::uint32_t block : blocks) {
+    const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
+    for (std::size_t i = begin; i < begin + kGroup; i += N) {
+      M inside;
+      const V3 p = move(placement, load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
+      const VI node = nearestNode(lattice, {p.x, p.y, hn::Zero(d)}, inside);
+      const V top = hn::GatherIndex(d, lattice.value.data(), node);
+      const M touch = hn::And(inside, hn::Ge(hn::Sub(top, p.z), hn::Set(d, from)));
+      storeSelected(touch, p.x, x + count);
+      storeSelected(touch, p.y, y + count);
+      storeSelected(touch, p.z, z + count);
+      count += storeSelected(touch, hn::BitCast(du, node), nodes + count);
+    }
   }
   return count;
 }
 
-void InnerIntervals(const ColumnField& inner, std::size_t count, const float* x, const float* y, const float* z,
-                    float* const low[2], float* const high[2]) {
+void ColumnIntervals(const ColumnField& field, std::size_t count, const float* x, const float* y, const float* z,
+                     float* const low[2], float* const high[2]) {
   const D d;
   const std::size_t N = hn::Lanes(d);
   for (std::size_t i = 0; i < count; i += N) {
     M inside;
     const V above = hn::LoadU(d, z + i);
-    const VI node = nearestNode(inner.top[0], {hn::LoadU(d, x + i), hn::LoadU(d, y + i), hn::Zero(d)}, inside);
+    const VI node = nearestNode(field.top[0], {hn::LoadU(d, x + i), hn::LoadU(d, y + i), hn::Zero(d)}, inside);
     for (int k = 0; k < 2; ++k) {
-      const V bottom = hn::GatherIndex(d, inner.bottom[k].value.data(), node);
-      const V top = hn::GatherIndex(d, inner.top[k].value.data(), node);
+      const V bottom = hn::GatherIndex(d, field.bottom[k].value.data(), node);
+      const V top = hn::GatherIndex(d, field.top[k].value.data(), node);
       hn::StoreU(hn::IfThenElse(inside, hn::Sub(bottom, above), hn::Set(d, kInfinity)), d, low[k] + i);
       hn::StoreU(hn::IfThenElse(inside, hn::Sub(top, above), hn::Set(d, -kInfinity)), d, high[k] + i);
     }
@@ -503,7 +512,7 @@ void RefineExit(const PlacedGrid& grid, const Points& points, const float* start
     M active = hn::Gt(t, hn::Set(d, best));
     for (int round = 0; round < kRounds && !hn::AllFalse(d, active); ++round) {
       const V3 at = {hn::MulAdd(along.x, t, p.x), hn::MulAdd(along.y, t, p.y), hn::MulAdd(along.z, t, p.z)};
-      const Sampled sampled = sample(grid.grid->distance, at);
+      const Sampled sampled = sample(*grid.grid, at);
       const V change = dot(sampled.gradient, along);
       const M hit = hn::And(active, hn::Le(hn::Abs(sampled.distance), hn::Set(d, kTouch)));
       result = hn::IfThenElse(hit, t, result);
@@ -525,9 +534,10 @@ void RefineExit(const PlacedGrid& grid, const Points& points, const float* start
 }
 
 /// Spheres that may come within `margin` of the grid's surface, by the nearest node's value.
-HWY_INLINE M mayBeNear(const Lattice<float>& lattice, const V3& p, V radius, float margin) {
+HWY_INLINE M mayBeNear(const LinkGrid& grid, const V3& p, V radius, float margin) {
   const D d;
   const DI di;
+  const Lattice<float>& lattice = grid.distance;
   const V3 u = inSteps(lattice, p);
   const V zero = hn::Zero(d);
   const auto clamp = [&](V a, int size) { return hn::Min(hn::Max(a, zero), hn::Set(d, static_cast<float>(size - 1))); };
@@ -541,7 +551,7 @@ HWY_INLINE M mayBeNear(const Lattice<float>& lattice, const V3& p, V radius, flo
   const V reach = hn::Add(radius, hn::Set(d, margin));
   const V outside = hn::Mul(dot(off, off), hn::Set(d, lattice.step * lattice.step));
   const M close = hn::Le(outside, hn::Mul(reach, reach));
-  const V value = hn::GatherIndex(d, lattice.value.data(), index);
+  const V value = gatherPair(grid.pairs.data(), index).here;
   return hn::And(close, hn::Le(value, hn::Add(reach, hn::Set(d, 0.8661F * lattice.step))));
 }
 
@@ -553,15 +563,15 @@ std::size_t NearBlocks(const PlacedGrid& grid, const SphereTree& tree, float mar
   alignas(64) std::uint32_t passing[kGroup];
   const auto& super = tree.superblocks;
   for (std::size_t i = 0; i < super.size(); i += N) {
-    const M near = mayBeNear(grid.grid->distance, move(grid.placement, load(&super.x[i], &super.y[i], &super.z[i])),
+    const M near = mayBeNear(*grid.grid, move(grid.placement, load(&super.x[i], &super.y[i], &super.z[i])),
                              hn::LoadU(d, &super.radius[i]), margin);
     const std::size_t n = storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), passing);
     for (std::size_t k = 0; k < n; ++k) {
       const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
       for (std::size_t b = begin; b < std::min(begin + kGroup, tree.blocks.size()); b += N) {
-        const M touch = mayBeNear(grid.grid->distance,
-                                  move(grid.placement, load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b])),
-                                  hn::LoadU(d, &tree.blocks.radius[b]), margin);
+        const M touch =
+            mayBeNear(*grid.grid, move(grid.placement, load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b])),
+                      hn::LoadU(d, &tree.blocks.radius[b]), margin);
         count += storeSelected(touch, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
       }
     }
@@ -575,14 +585,13 @@ std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std:
   const DU du;
   const DI di;
   const std::size_t N = hn::Lanes(d);
-  const Lattice<float>& lattice = grid.grid->distance;
   std::size_t passing = 0;
   for (const std::uint32_t block : blocks) {
     const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
     for (std::size_t i = begin; i < begin + kGroup; i += N) {
-      const M near =
-          mayBeNear(lattice, move(grid.placement, load(&shell.sphere[0][i], &shell.sphere[1][i], &shell.sphere[2][i])),
-                    hn::LoadU(d, &shell.sphere[3][i]), margin);
+      const M near = mayBeNear(
+          *grid.grid, move(grid.placement, load(&shell.sphere[0][i], &shell.sphere[1][i], &shell.sphere[2][i])),
+          hn::LoadU(d, &shell.sphere[3][i]), margin);
       passing += storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), scratch + passing);
     }
   }
@@ -591,7 +600,7 @@ std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std:
   for (std::size_t i = 0; i < passing; i += N) {
     const auto id = hn::LoadU(du, scratch + i);
     const VI at = hn::BitCast(di, id);
-    const Sampled middle = sample(lattice, move(grid.placement, gather(shell.sphere, 0, at)));
+    const Sampled middle = sample(*grid.grid, move(grid.placement, gather(shell.sphere, 0, at)));
     const V error = hn::GatherIndex(d, grid.grid->error.data(), middle.cell);
     const V radius = hn::GatherIndex(d, shell.sphere[3].data(), at);
     const M near = hn::Le(hn::Sub(hn::Sub(middle.distance, error), radius), hn::Set(d, margin));
@@ -926,7 +935,7 @@ HWY_EXPORT(SelectColumns);
 HWY_EXPORT(ColumnIntervals);
 HWY_EXPORT(RefineExit);
 HWY_EXPORT(Climb);
-HWY_EXPORT(InnerIntervals);
+HWY_EXPORT(ColumnPoints);
 HWY_EXPORT(NearBlocks);
 HWY_EXPORT(NearTriangles);
 HWY_EXPORT(PlaceTriangles);
@@ -938,10 +947,9 @@ std::size_t selectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree&
                          std::uint32_t from, std::uint32_t to, std::uint32_t* ids, std::uint32_t* firsts) {
   return HWY_DYNAMIC_DISPATCH(SelectBlocks)(coarse, tree, placement, from, to, ids, firsts);
 }
-std::size_t selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, std::uint32_t block,
-                         const Placement& placement, std::uint32_t from, std::uint32_t to, float* x, float* y, float* z,
-                         std::uint32_t* firsts) {
-  return HWY_DYNAMIC_DISPATCH(SelectPoints)(fine, shell, block, placement, from, to, x, y, z, firsts);
+void selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
+                  const Placement& placement, std::uint32_t from, std::uint32_t to, WaitingPoints& points) {
+  HWY_DYNAMIC_DISPATCH(SelectPoints)(fine, shell, blocks, placement, from, to, points);
 }
 std::uint32_t takeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to) {
   return HWY_DYNAMIC_DISPATCH(TakeDue)(due, until, waiting, to);
@@ -957,14 +965,13 @@ std::size_t selectColumns(const ColumnField& coarse, const SphereTree& tree, con
                           std::uint32_t* ids) {
   return HWY_DYNAMIC_DISPATCH(SelectColumns)(coarse, tree, placement, from, ids);
 }
-std::size_t columnIntervals(const ColumnField& fine, const ObjectShell& shell, std::uint32_t block,
-                            const Placement& placement, float from, float* x, float* y, float* z, float* const low[2],
-                            float* const high[2], std::uint32_t* nodes) {
-  return HWY_DYNAMIC_DISPATCH(ColumnIntervals)(fine, shell, block, placement, from, x, y, z, low, high, nodes);
+std::size_t columnPoints(const ColumnField& fine, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
+                         const Placement& placement, float from, float* x, float* y, float* z, std::uint32_t* nodes) {
+  return HWY_DYNAMIC_DISPATCH(ColumnPoints)(fine, shell, blocks, placement, from, x, y, z, nodes);
 }
-void innerIntervals(const ColumnField& inner, std::size_t count, const float* x, const float* y, const float* z,
-                    float* const low[2], float* const high[2]) {
-  HWY_DYNAMIC_DISPATCH(InnerIntervals)(inner, count, x, y, z, low, high);
+void columnIntervals(const ColumnField& field, std::size_t count, const float* x, const float* y, const float* z,
+                     float* const low[2], float* const high[2]) {
+  HWY_DYNAMIC_DISPATCH(ColumnIntervals)(field, count, x, y, z, low, high);
 }
 float climb(float t, std::size_t count, const float* const low[2], const float* const high[2]) {
   return HWY_DYNAMIC_DISPATCH(Climb)(t, count, low, high);

@@ -31,18 +31,17 @@ struct PlacedGrid {
 std::size_t selectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree& tree, const Placement& placement,
                          std::uint32_t from, std::uint32_t to, std::uint32_t* ids, std::uint32_t* firsts);
 
-/// The points of one block that the fine field lets touch in [from, to): moved into the field's frame, with their first
-/// s. Returns their number, at most 16.
-std::size_t selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, std::uint32_t block,
-                         const Placement& placement, std::uint32_t from, std::uint32_t to, float* x, float* y, float* z,
-                         std::uint32_t* firsts);
-
 /// Points in arrays, each with its first touch in field units. There is room for a group more.
 struct WaitingPoints {
   float *x, *y, *z;
   std::uint32_t* first;
   std::size_t count;
 };
+
+/// Adds the blocks' points that the fine field lets touch in [from, to): moved into the field's frame, with their first
+/// s.
+void selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
+                  const Placement& placement, std::uint32_t from, std::uint32_t to, WaitingPoints& points);
 
 /// Moves the points whose first touch is below `due` to the end of `to` and drops those from `until` on; the others
 /// stay in their order. Returns the first touch among them, `until` when none stays.
@@ -60,15 +59,14 @@ void distances(std::span<const PlacedGrid> grids, const Points& points, float* d
 std::size_t selectColumns(const ColumnField& coarse, const SphereTree& tree, const Placement& placement, float from,
                           std::uint32_t* ids);
 
-/// Of the points of one block, those that the hand may touch at some t >= from, moved into the palm frame: with two
-/// intervals of t and the field's node that holds them. Returns their number.
-std::size_t columnIntervals(const ColumnField& fine, const ObjectShell& shell, std::uint32_t block,
-                            const Placement& placement, float from, float* x, float* y, float* z, float* const low[2],
-                            float* const high[2], std::uint32_t* nodes);
+/// Of the blocks' points those that the hand may touch at some t >= from, moved into the palm frame, with the field's
+/// node. Returns their number.
+std::size_t columnPoints(const ColumnField& fine, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
+                         const Placement& placement, float from, float* x, float* y, float* z, std::uint32_t* nodes);
 
-/// The inner intervals of t of `count` points in the palm frame (arrays with room for whole groups).
-void innerIntervals(const ColumnField& inner, std::size_t count, const float* x, const float* y, const float* z,
-                    float* const low[2], float* const high[2]);
+/// The field's intervals of t for `count` points in the palm frame (arrays with room for whole groups).
+void columnIntervals(const ColumnField& field, std::size_t count, const float* x, const float* y, const float* z,
+                     float* const low[2], float* const high[2]);
 
 /// The end of the run of intervals that t lies in (arrays with room for whole groups).
 float climb(float t, std::size_t count, const float* const low[2], const float* const high[2]);

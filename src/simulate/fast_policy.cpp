@@ -292,7 +292,7 @@ class FastPolicy final : public GraspPolicy {
     }
     float* const low[2] = {innerLow_[0].data(), innerLow_[1].data()};
     float* const high[2] = {innerHigh_[0].data(), innerHigh_[1].data()};
-    kernels::innerIntervals(preshape_->inner, lanes_, laneX_.data(), laneY_.data(), laneZ_.data(), low, high);
+    kernels::columnIntervals(preshape_->inner, lanes_, laneX_.data(), laneY_.data(), laneZ_.data(), low, high);
     double t = start;
     for (int round = 0; round < kMostPlaces; ++round) {
       t = kernels::climb(static_cast<float>(t), lanes_, low, high);
@@ -357,22 +357,19 @@ class FastPolicy final : public GraspPolicy {
     const Placement placement = Placement::of(X_GS_);
     const std::size_t blocks = kernels::selectColumns(preshape_->coarse, shell_->pointTree, placement,
                                                       static_cast<float>(start), blockIds_.data());
-    std::size_t count = 0;
     reserveLanes(kGroup * (blocks + 1));
-    for (std::size_t i = 0; i < blocks; ++i) {
-      float* const low[2] = {&low_[0][count], &low_[1][count]};
-      float* const high[2] = {&high_[0][count], &high_[1][count]};
-      count += kernels::columnIntervals(preshape_->fine, *shell_, blockIds_[i], placement, static_cast<float>(start),
-                                        &laneX_[count], &laneY_[count], &laneZ_[count], low, high, &laneNode_[count]);
-    }
+    const std::size_t count =
+        kernels::columnPoints(preshape_->fine, *shell_, {blockIds_.data(), blocks}, placement,
+                              static_cast<float>(start), laneX_.data(), laneY_.data(), laneZ_.data(), laneNode_.data());
+    float* const low[2] = {low_[0].data(), low_[1].data()};
+    float* const high[2] = {high_[0].data(), high_[1].data()};
+    kernels::columnIntervals(preshape_->fine, count, laneX_.data(), laneY_.data(), laneZ_.data(), low, high);
     lanes_ = count;
     const auto first = static_cast<float>(start);
     float top = first;
     if (last) {
       for (std::size_t i = 0; i < count; ++i) top = std::max(top, high_[0][i]);
     } else {
-      const float* const low[2] = {low_[0].data(), low_[1].data()};
-      const float* const high[2] = {high_[0].data(), high_[1].data()};
       top = kernels::climb(first, count, low, high);
     }
     while (top > first) {
@@ -614,11 +611,8 @@ class FastPolicy final : public GraspPolicy {
     reserveLanes(kGroup * (blocks + 2));
     kernels::WaitingPoints waiting = {laneX_.data(), laneY_.data(), laneZ_.data(), laneFirst_.data(), 0};
     for (int band = 0; band < kBands && (static_cast<std::uint32_t>(band) << kShift) < bestUnit; ++band) {
-      for (std::uint32_t i = begin[band]; i < begin[band + 1]; ++i) {
-        const std::size_t at = waiting.count;
-        waiting.count += kernels::selectPoints(motion.field->fine, *shell_, ordered_[i], placement, fromUnit, bestUnit,
-                                               waiting.x + at, waiting.y + at, waiting.z + at, waiting.first + at);
-      }
+      kernels::selectPoints(motion.field->fine, *shell_, {&ordered_[begin[band]], begin[band + 1] - begin[band]},
+                            placement, fromUnit, bestUnit, waiting);
       const std::uint32_t end = static_cast<std::uint32_t>(band + 1) << kShift;
       if (begin[band] == begin[band + 1] && earliest >= end) continue;
       kernels::WaitingPoints due = {dueX_.data(), dueY_.data(), dueZ_.data(), dueFirst_.data(), 0};

@@ -216,6 +216,17 @@ std::vector<float> interpolationErrors(const Lattice<float>& lattice) {
   return error;
 }
 
+std::vector<std::int32_t> pairsOf(const Lattice<float>& lattice) {
+  constexpr float kMost = std::numeric_limits<std::int16_t>::max();
+  const auto units = [&](std::size_t node) {
+    const float value = lattice.value[std::min(node, lattice.value.size() - 1)] / LinkGrid::kUnit;
+    return static_cast<std::int32_t>(std::floor(std::clamp(value, -kMost, kMost)));
+  };
+  std::vector<std::int32_t> pairs(lattice.value.size());
+  for (std::size_t i = 0; i < pairs.size(); ++i) pairs[i] = units(i + 1) * 0x10000 + (units(i) & 0xFFFF);
+  return pairs;
+}
+
 /// Does the triangle lie deeper than `kDeep` inside the link, in another of its pieces?
 bool isHidden(const RayScene& scene, const Corners& t, const Vector3d& normal) {
   constexpr double kDeep = 3e-4;  // m
@@ -301,6 +312,7 @@ LinkGrid::LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel) {
     for (float& value : distance.value) value -= static_cast<float>(kOpenShrink * step);
   }
   error = interpolationErrors(distance);
+  pairs = pairsOf(distance);
 }
 
 void LinkGrid::addTriangles(const TriangleMesh& mesh, const std::vector<std::uint32_t>& visible) {
