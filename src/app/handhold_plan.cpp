@@ -90,7 +90,8 @@ std::string summary(const PlanResult& result, const Planner& planner) {
     text += fmt::format("terms: gq {:.3f}, gb {:.3f}, ge {:.3f}\n", result.grasp.score.gq, result.grasp.score.gb,
                         result.grasp.score.ge);
   }
-  text += fmt::format("tested: {} grasps; rejected: {}\n", result.tested, counted(result.rejected));
+  text += fmt::format("tested: {} grasp{}; rejected: {}\n", result.tested, result.tested == 1 ? "" : "s",
+                      counted(result.rejected));
   if (result.planned) {
     std::string parts;
     for (const TrajectorySegment& segment : result.trajectory.segments) {

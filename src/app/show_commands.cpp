@@ -119,7 +119,8 @@ void printInfo(const GraspSetSummary& s) {
   for (const auto& [name, count] : s.outcomes) {
     fmt::print("    {:<18}{:>9}  {:5.1f} %\n", name, count, share(count, trialCount(s)));
   }
-  fmt::print("  grasps      {} stored, best epsilon {:.4f}\n", s.grasps, s.bestEpsilon);
+  fmt::print("  grasps      {} stored{}\n", s.grasps,
+             s.grasps > 0 ? fmt::format(", best epsilon {:.4f}", s.bestEpsilon) : "");
   if (!std::isnan(s.bestEpsilonLower)) {
     fmt::print("  true cone   epsilon of the same grasp {:.5f} to {:.5f}; least critical friction of any {:.4f}\n",
                s.bestEpsilonLower, s.bestEpsilonUpper, s.leastCriticalFriction);
@@ -210,11 +211,17 @@ std::string summaryTable(const std::vector<GraspSetSummary>& summaries) {
     for (const Column& column : columns) {
       std::size_t count = 0;
       for (const auto& [name, value] : s.outcomes) count += name == column.outcome ? value : 0;
-      table += fmt::format(" {:>9.1f}", share(count, trialCount(s)));
+      const double percent = share(count, trialCount(s));
+      table += fmt::format(" {:>9}", count > 0 && percent < 0.05 ? "<0.1" : fmt::format("{:.1f}", percent));
     }
-    table += fmt::format(" {:>7} {:>8.4f} {:>7.2f}\n", s.grasps, s.bestEpsilon, totalSeconds(s));
+    table += fmt::format(" {:>7} {:>8} {:>7.2f}\n", s.grasps, s.grasps > 0 ? fmt::format("{:.4f}", s.bestEpsilon) : "-",
+                         totalSeconds(s));
   }
+  table += "  N, R, M   surface samples, rolls and preshapes; their product is the trials\n";
   for (const Column& column : columns) table += fmt::format("  {:<9} {}\n", column.heading, column.meaning);
+  table +=
+      "  grasps    that are stored, of those that end force closed as many as the job keeps; core s: seconds of one "
+      "core\n";
   return table;
 }
 

@@ -64,9 +64,9 @@ void Progress::begin(const std::string& what, std::size_t finishedSets) {
 
 std::string Progress::line() const {
   const Rates r = ratesOf(counters_, expectedTrials_, start_);
-  return fmt::format("[{}/{} sets] {}  {:.0f} %  {:.0f} {}/s  {:.0f} % {}  {} left", finishedSets_, sets_, what_,
+  return fmt::format("[{}/{} sets] {:.0f} % of all, {:.0f} {}/s, {:.0f} % {}, {} left; now {}", finishedSets_, sets_,
                      100 * r.share, r.trialsPerSecond, words_.items, 100 * r.closedShare, words_.good,
-                     clockText(r.secondsLeft));
+                     clockText(r.secondsLeft), what_);
 }
 
 std::string Progress::json() const {
