@@ -669,54 +669,65 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
       }
       return n;
     };
+    // Which of the listed triangles meet the box of one of the group. Here and below no branch asks for it: it would be
+    // guessed wrong as often as not.
+    const auto keepMet = [&](std::uint32_t* ids, std::size_t n) {
+      std::size_t kept = 0;
+      for (std::size_t k = 0; k < n; ++k) {
+        const std::uint32_t b = ids[k];
+        bool isMet = false;
+        for (std::size_t i = 0; i < kGroup; i += N) {
+          const auto along = [&](int axis) {
+            return hn::And(hn::Le(hn::Set(d, grid.triangleBoxes.bound[axis][b]), hn::Load(d, &bound[3 + axis][i])),
+                           hn::Ge(hn::Set(d, grid.triangleBoxes.bound[3 + axis][b]), hn::Load(d, &bound[axis][i])));
+          };
+          isMet |= !hn::AllFalse(d, hn::And(along(0), hn::And(along(1), along(2))));
+        }
+        ids[kept] = b;
+        kept += isMet ? 1 : 0;
+      }
+      return kept;
+    };
     const auto addPairs = [&](std::uint32_t b) {
       if (pairs.a.size() < count + 2 * kGroup) {
         for (auto* array : {&pairs.a, &pairs.b}) array->resize(2 * count + 4 * kGroup);
         for (auto* array : {&pairs.enter, &pairs.leave}) array->resize(2 * count + 4 * kGroup);
       }
       const auto value = [&](int k) { return hn::Set(d, grid.triangle[k][b]); };
+      const V3 n = {value(9), value(10), value(11)};
       for (std::size_t i = 0; i < kGroup; i += N) {
+        const auto all = [&](int k) { return load(&v[k][group + i], &v[k + 1][group + i], &v[k + 2][group + i]); };
+        const auto within = [&](V first, V second, V third) {
+          return hn::And(hn::Le(hn::Min(first, hn::Min(second, third)), hn::Set(d, reach)),
+                         hn::Ge(hn::Max(first, hn::Max(second, third)), hn::Set(d, -reach)));
+        };
         M may = hn::FirstN(d, near.id.size() - std::min(near.id.size(), group + i));
         for (int axis = 0; axis < 3; ++axis) {
-          const V lower = hn::Load(d, &bound[axis][i]), upper = hn::Load(d, &bound[3 + axis][i]);
-          may = hn::And(may, hn::And(hn::Le(hn::Set(d, grid.triangleBoxes.bound[axis][b]), upper),
-                                     hn::Ge(hn::Set(d, grid.triangleBoxes.bound[3 + axis][b]), lower)));
+          may = hn::And(may, hn::Le(hn::Set(d, grid.triangleBoxes.bound[axis][b]), hn::Load(d, &bound[3 + axis][i])));
+          may = hn::And(may, hn::Ge(hn::Set(d, grid.triangleBoxes.bound[3 + axis][b]), hn::Load(d, &bound[axis][i])));
         }
-        if (hn::AllFalse(d, may)) continue;
-        const auto all = [&](int k) { return load(&v[k][group + i], &v[k + 1][group + i], &v[k + 2][group + i]); };
-        const V3 corner = all(0), normal = all(9), n = {value(9), value(10), value(11)};
-        if (facing) {
-          may = hn::And(may, hn::Lt(dot(n, normal), hn::Zero(d)));
-          if (hn::AllFalse(d, may)) continue;
-        }
-        const V da = dot(n, corner), db = dot(n, all(3)), dc = dot(n, all(6)), offset = value(12);
-        const V low = hn::Sub(hn::Min(da, hn::Min(db, dc)), offset),
-                high = hn::Sub(hn::Max(da, hn::Max(db, dc)), offset);
-        may = hn::And(may, hn::And(hn::Le(low, hn::Set(d, reach)), hn::Ge(high, hn::Set(d, -reach))));
-        if (hn::AllFalse(d, may)) continue;
-        V lowest = hn::Set(d, kInfinity), highest = hn::Set(d, -kInfinity);
-        for (int k = 0; k < 9; k += 3) {
-          const V side = dot(normal, V3{value(k), value(k + 1), value(k + 2)} - corner);
-          lowest = hn::Min(lowest, side);
-          highest = hn::Max(highest, side);
-        }
-        may = hn::And(may, hn::And(hn::Le(lowest, hn::Set(d, reach)), hn::Ge(highest, hn::Set(d, -reach))));
-        const std::size_t found =
-            storeSelected(may, hn::Iota(du, static_cast<std::uint32_t>(group + i)), &pairs.a[count]);
-        std::fill_n(&pairs.b[count], found, b);
-        count += found;
+        const V3 corner = all(0), normal = all(9);
+        if (facing) may = hn::And(may, hn::Lt(dot(n, normal), hn::Zero(d)));
+        const V offset = value(12);
+        may = hn::And(may, within(hn::Sub(dot(n, corner), offset), hn::Sub(dot(n, all(3)), offset),
+                                  hn::Sub(dot(n, all(6)), offset)));
+        const auto side = [&](int k) { return dot(normal, V3{value(k), value(k + 1), value(k + 2)} - corner); };
+        may = hn::And(may, within(side(0), side(3), side(6)));
+        hn::StoreU(hn::Set(du, b), du, &pairs.b[count]);
+        count += storeSelected(may, hn::Iota(du, static_cast<std::uint32_t>(group + i)), &pairs.a[count]);
       }
     };
-    alignas(64) std::uint32_t superblocks[2 * kGroup], blocks[2 * kGroup], triangles[2 * kGroup];
+    alignas(64) std::uint32_t superblocks[2 * kGroup], blocks[2 * kGroup], triangles[kGroup * kGroup + kGroup];
     for (std::size_t s = 0; s < grid.superblockBoxes.size(); s += kGroup) {
       const std::size_t metAbove = listMet(grid.superblockBoxes, s, superblocks);
       for (std::size_t i = 0; i < metAbove; ++i) {
         const std::size_t met = listMet(grid.blockBoxes, static_cast<std::size_t>(superblocks[i]) * kGroup, blocks);
+        std::size_t listed = 0;
         for (std::size_t j = 0; j < met; ++j) {
-          const std::size_t within =
-              listMet(grid.triangleBoxes, static_cast<std::size_t>(blocks[j]) * kGroup, triangles);
-          for (std::size_t k = 0; k < within; ++k) addPairs(triangles[k]);
+          listed += listMet(grid.triangleBoxes, static_cast<std::size_t>(blocks[j]) * kGroup, triangles + listed);
         }
+        listed = keepMet(triangles, listed);
+        for (std::size_t k = 0; k < listed; ++k) addPairs(triangles[k]);
       }
     }
   }
