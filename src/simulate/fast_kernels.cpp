@@ -401,13 +401,27 @@ void Distances(std::span<const PlacedGrid> grids, const Points& points, float* d
   }
 }
 
+/// An interval of z at a node, and whether there is one.
+struct Interval {
+  V bottom, top;
+  M isThere;
+};
+HWY_INLINE Interval gatherInterval(const ColumnField& field, int k, VI node) {
+  const D d;
+  const VI packed = hn::GatherIndex(DI(), field.interval[k].value.data(), node);
+  const VI bottom = hn::ShiftRight<16>(hn::ShiftLeft<16>(packed)), top = hn::ShiftRight<16>(packed);
+  const V unit = hn::Set(d, field.unit);
+  return {hn::Mul(hn::ConvertTo(d, bottom), unit), hn::Mul(hn::ConvertTo(d, top), unit),
+          hn::Not(hn::RebindMask(d, hn::Gt(bottom, top)))};
+}
+
 std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, const Placement& placement, float from,
                           std::uint32_t* ids) {
   const D d;
   const DU du;
   const std::size_t N = hn::Lanes(d);
   std::size_t count = 0;
-  const Lattice<float>& lattice = coarse.top[0];
+  const auto& lattice = coarse.interval[0];
   alignas(64) std::uint32_t passing[kGroup];
   const auto& super = tree.superblocks;
   for (std::size_t i = 0; i < super.size(); i += N) {
@@ -428,9 +442,9 @@ std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, con
         const V z = p.z;
         p.z = zero;
         const VI node = nearestNode(lattice, p, inside);
-        const V top = hn::GatherIndex(d, lattice.value.data(), node);
-        const M real = hn::Lt(hn::Abs(z), hn::Set(d, 1e3F));
-        const M touch = hn::And(real, hn::And(inside, hn::Ge(hn::Sub(top, z), hn::Set(d, from))));
+        const Interval highest = gatherInterval(coarse, 0, node);
+        const M real = hn::And(highest.isThere, hn::Lt(hn::Abs(z), hn::Set(d, 1e3F)));
+        const M touch = hn::And(real, hn::And(inside, hn::Ge(hn::Sub(highest.top, z), hn::Set(d, from))));
         count += storeSelected(touch, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
       }
     }
@@ -444,15 +458,16 @@ std::size_t ColumnPoints(const ColumnField& fine, const ObjectShell& shell, std:
   const DU du;
   const std::size_t N = hn::Lanes(d);
   std::size_t count = 0;
-  const Lattice<float>& lattice = fine.top[0];
+  const auto& lattice = fine.interval[0];
   for (const std::uint32_t block : blocks) {
     const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
     for (std::size_t i = begin; i < begin + kGroup; i += N) {
       M inside;
       const V3 p = move(placement, load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
       const VI node = nearestNode(lattice, {p.x, p.y, hn::Zero(d)}, inside);
-      const V top = hn::GatherIndex(d, lattice.value.data(), node);
-      const M touch = hn::And(inside, hn::Ge(hn::Sub(top, p.z), hn::Set(d, from)));
+      const Interval highest = gatherInterval(fine, 0, node);
+      const M above = hn::Ge(hn::Sub(highest.top, p.z), hn::Set(d, from));
+      const M touch = hn::And(inside, hn::And(highest.isThere, above));
       storeSelected(touch, p.x, x + count);
       storeSelected(touch, p.y, y + count);
       storeSelected(touch, p.z, z + count);
@@ -462,19 +477,21 @@ std::size_t ColumnPoints(const ColumnField& fine, const ObjectShell& shell, std:
   return count;
 }
 
-void ColumnIntervals(const ColumnField& field, std::size_t count, const float* x, const float* y, const float* z,
+void ColumnIntervals(const ColumnField& field, std::size_t count, const std::uint32_t* nodes, const float* z,
                      float* const low[2], float* const high[2]) {
   const D d;
+  const DI di;
+  const DU du;
   const std::size_t N = hn::Lanes(d);
   for (std::size_t i = 0; i < count; i += N) {
-    M inside;
+    const auto real = hn::FirstN(du, count - i);
+    const VI node = hn::BitCast(di, hn::IfThenElseZero(real, hn::LoadU(du, nodes + i)));
     const V above = hn::LoadU(d, z + i);
-    const VI node = nearestNode(field.top[0], {hn::LoadU(d, x + i), hn::LoadU(d, y + i), hn::Zero(d)}, inside);
     for (int k = 0; k < 2; ++k) {
-      const V bottom = hn::GatherIndex(d, field.bottom[k].value.data(), node);
-      const V top = hn::GatherIndex(d, field.top[k].value.data(), node);
-      hn::StoreU(hn::IfThenElse(inside, hn::Sub(bottom, above), hn::Set(d, kInfinity)), d, low[k] + i);
-      hn::StoreU(hn::IfThenElse(inside, hn::Sub(top, above), hn::Set(d, -kInfinity)), d, high[k] + i);
+      const Interval interval = gatherInterval(field, k, node);
+      const V from = hn::Sub(interval.bottom, above), to = hn::Sub(interval.top, above);
+      hn::StoreU(hn::IfThenElse(interval.isThere, from, hn::Set(d, kInfinity)), d, low[k] + i);
+      hn::StoreU(hn::IfThenElse(interval.isThere, to, hn::Set(d, -kInfinity)), d, high[k] + i);
     }
   }
 }
@@ -980,9 +997,9 @@ std::size_t columnPoints(const ColumnField& fine, const ObjectShell& shell, std:
                          const Placement& placement, float from, float* x, float* y, float* z, std::uint32_t* nodes) {
   return HWY_DYNAMIC_DISPATCH(ColumnPoints)(fine, shell, blocks, placement, from, x, y, z, nodes);
 }
-void columnIntervals(const ColumnField& field, std::size_t count, const float* x, const float* y, const float* z,
+void columnIntervals(const ColumnField& field, std::size_t count, const std::uint32_t* nodes, const float* z,
                      float* const low[2], float* const high[2]) {
-  HWY_DYNAMIC_DISPATCH(ColumnIntervals)(field, count, x, y, z, low, high);
+  HWY_DYNAMIC_DISPATCH(ColumnIntervals)(field, count, nodes, z, low, high);
 }
 float climb(float t, std::size_t count, const float* const low[2], const float* const high[2]) {
   return HWY_DYNAMIC_DISPATCH(Climb)(t, count, low, high);

@@ -64,8 +64,9 @@ std::size_t selectColumns(const ColumnField& coarse, const SphereTree& tree, con
 std::size_t columnPoints(const ColumnField& fine, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
                          const Placement& placement, float from, float* x, float* y, float* z, std::uint32_t* nodes);
 
-/// The field's intervals of t for `count` points in the palm frame (arrays with room for whole groups).
-void columnIntervals(const ColumnField& field, std::size_t count, const float* x, const float* y, const float* z,
+/// The field's intervals of t for `count` points, by their nodes and z (arrays with room for whole groups); none: from
+/// +inf to -inf.
+void columnIntervals(const ColumnField& field, std::size_t count, const std::uint32_t* nodes, const float* z,
                      float* const low[2], float* const high[2]);
 
 /// The end of the run of intervals that t lies in (arrays with room for whole groups).

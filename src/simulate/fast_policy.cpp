@@ -292,7 +292,7 @@ class FastPolicy final : public GraspPolicy {
     }
     float* const low[2] = {innerLow_[0].data(), innerLow_[1].data()};
     float* const high[2] = {innerHigh_[0].data(), innerHigh_[1].data()};
-    kernels::columnIntervals(preshape_->inner, lanes_, laneX_.data(), laneY_.data(), laneZ_.data(), low, high);
+    kernels::columnIntervals(preshape_->inner, lanes_, laneNode_.data(), laneZ_.data(), low, high);
     double t = start;
     for (int round = 0; round < kMostPlaces; ++round) {
       t = kernels::climb(static_cast<float>(t), lanes_, low, high);
@@ -363,7 +363,7 @@ class FastPolicy final : public GraspPolicy {
                               static_cast<float>(start), laneX_.data(), laneY_.data(), laneZ_.data(), laneNode_.data());
     float* const low[2] = {low_[0].data(), low_[1].data()};
     float* const high[2] = {high_[0].data(), high_[1].data()};
-    kernels::columnIntervals(preshape_->fine, count, laneX_.data(), laneY_.data(), laneZ_.data(), low, high);
+    kernels::columnIntervals(preshape_->fine, count, laneNode_.data(), laneZ_.data(), low, high);
     lanes_ = count;
     const auto first = static_cast<float>(start);
     float top = first;

@@ -322,13 +322,29 @@ void walkColumn(const std::vector<PlacedLink>& placed, const Vector3d& start, do
   }
 }
 
+/// An interval as ColumnField holds it, never smaller or, with `inward`, never larger than it is.
+std::int32_t packed(double bottom, double top, double unit, bool inward) {
+  constexpr double kRounding = 0.02;  // units, of the products in single precision
+  const double wider = inward ? -kRounding : kRounding;
+  const double low = bottom / unit - wider, high = top / unit + wider;
+  const auto first = static_cast<std::int32_t>(inward ? std::ceil(low) : std::floor(low));
+  const auto last = static_cast<std::int32_t>(inward ? std::floor(high) : std::ceil(high));
+  if (first > last) return ColumnField::kNone;
+  return static_cast<std::int32_t>(static_cast<std::uint32_t>(last) << 16 | (static_cast<std::uint32_t>(first) & 0xFFFF));
+}
+
+/// What `packed` made of them; bottom > top: no interval.
+std::pair<double, double> unpacked(std::int32_t interval, double unit) {
+  return {static_cast<std::int16_t>(interval & 0xFFFF) * unit, (interval >> 16) * unit};
+}
+
 /// The intervals of z above each column that lie inside a link for every point of the cell. `outer`: the same columns,
 /// with what may be covered.
 ColumnField innerColumns(const HandFields& fields, const PreshapeFields& preshape, const ColumnField& outer,
                          const std::atomic<bool>* cancel) {
   constexpr double kWalkStep = 1e-3;  // m
   ColumnField field = outer;
-  const Lattice<float>& lattice = outer.top[0];
+  const Lattice<std::int32_t>& lattice = outer.interval[0];
   const double radius = std::sqrt(0.5) * lattice.step + 0.5 * kWalkStep;
   const auto isInside = [&](const Vector3d& p) {
     return std::any_of(fields.links.begin(), fields.links.end(), [&](int link) {
@@ -339,11 +355,11 @@ ColumnField innerColumns(const HandFields& fields, const PreshapeFields& preshap
     throwIfCancelled(cancel);
     for (int x = 0; x < lattice.size[0]; ++x) {
       const std::size_t i = lattice.index(x, y, 0);
-      std::vector<std::pair<float, float>> runs;  // bottom, top
+      std::vector<std::pair<double, double>> runs;  // bottom, top
       for (int k = 0; k < 2; ++k) {
-        const float lowest = outer.bottom[k].value[i];
+        const auto [lowest, highest] = unpacked(outer.interval[k].value[i], outer.unit);
         bool inside = false;
-        for (float z = outer.top[k].value[i]; z >= lowest; z -= static_cast<float>(kWalkStep)) {
+        for (double z = highest; z >= lowest; z -= kWalkStep) {
           const Vector3d node = lattice.node(x, y, 0);
           const bool now = isInside({node.x(), node.y(), z});
           if (now && !inside) runs.emplace_back(z, z);
@@ -354,8 +370,8 @@ ColumnField innerColumns(const HandFields& fields, const PreshapeFields& preshap
       std::sort(runs.begin(), runs.end(),
                 [](const auto& a, const auto& b) { return a.second - a.first > b.second - b.first; });
       for (std::size_t k = 0; k < 2; ++k) {
-        field.bottom[k].value[i] = k < runs.size() ? runs[k].first : std::numeric_limits<float>::max();
-        field.top[k].value[i] = k < runs.size() ? runs[k].second : -std::numeric_limits<float>::max();
+        field.interval[k].value[i] =
+            k < runs.size() ? packed(runs[k].first, runs[k].second, field.unit, true) : ColumnField::kNone;
       }
     }
   }
@@ -381,6 +397,8 @@ bool moveAlike(const HandFields& fields, const Motion& a, const Motion& b) {
 
 ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape, double step, double blockRadius,
                         const std::atomic<bool>* cancel) {
+  constexpr double kMostUnits = 32000;  // of the 32767 that fit
+  constexpr double kBeyondBox = 2e-3;   // m, that an interval may end below it
   const double reach = std::sqrt(0.5) * step + blockRadius + 1e-5;
   std::vector<PlacedLink> placed;
   AlignedBox3d box;
@@ -391,7 +409,9 @@ ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape
     box.extend(Vector3d(c.array() - grid.radius - reach)).extend(Vector3d(c.array() + grid.radius + reach));
   }
   ColumnField field;
-  Lattice<float> empty;
+  const double farthest = std::max(std::abs(box.min().z()), std::abs(box.max().z())) + kBeyondBox;
+  field.unit = static_cast<float>(farthest / kMostUnits);
+  Lattice<std::int32_t> empty;
   empty.origin = box.min().cast<float>();
   empty.origin.z() = 0;
   empty.step = static_cast<float>(step);
@@ -399,9 +419,8 @@ ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape
                 static_cast<int>(std::ceil(box.sizes().y() / step)) + 1, 1};
   const std::size_t count = empty.index(0, 0, 1);
   for (int k = 0; k < 2; ++k) {
-    field.top[k] = field.bottom[k] = empty;
-    field.top[k].value.assign(count, -std::numeric_limits<float>::max());
-    field.bottom[k].value.assign(count, std::numeric_limits<float>::max());
+    field.interval[k] = empty;
+    field.interval[k].value.assign(count, ColumnField::kNone);
     field.link[k].assign(count, 0);
   }
   std::vector<PlacedLink> around;
@@ -418,8 +437,7 @@ ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape
       walkColumn(around, start, box.min().z(), reach, intervals);
       for (std::size_t k = 0; k < intervals.size(); ++k) {
         const std::size_t i = empty.index(x, y, 0);
-        field.top[k].value[i] = std::nextafter(static_cast<float>(intervals[k].top), 1.0F);
-        field.bottom[k].value[i] = std::nextafter(static_cast<float>(intervals[k].bottom), -1.0F);
+        field.interval[k].value[i] = packed(intervals[k].bottom, intervals[k].top, field.unit, false);
         field.link[k][i] = static_cast<std::uint8_t>(intervals[k].link);
       }
     }

@@ -70,7 +70,11 @@ struct Motion {
 /// first, for points within half a cell of a lattice node (fine) and for blocks within ObjectShell::kBlockRadius
 /// (coarse).
 struct ColumnField {
-  Lattice<float> top[2], bottom[2];   // bottom > top: no interval
+  static constexpr std::int32_t kNone = -0x7FFF8001;  // bottom > top: no interval
+
+  /// Bottom in the low half, top in the high one, in units.
+  Lattice<std::int32_t> interval[2];
+  float unit = 0;                     // m
   std::vector<std::uint8_t> link[2];  // that ends the interval at its top
 };
 
