@@ -52,7 +52,7 @@ int explainTrial(const Job& job, const CatalogItem& item, const Hand& hand, std:
                                  trials - 1));
   }
   const GraspCandidate candidate = candidateAt(job, object.samples, hand, trial);
-  const auto fields = job.simulation == Simulation::fast ? makeHandFields(hand) : nullptr;
+  const auto fields = job.simulation == Simulation::fast ? makeHandFields(hand, nullptr, JobSystem()) : nullptr;
   const auto policy = makePolicy(job, hand, object.model, fields);
   Evaluation result;
   StageSeconds seconds;

@@ -89,8 +89,8 @@ int runImport(const ImportCommand& command, const Database& database) {
   std::optional<GraspSet> set;
   try {
     SampledObject object = loadSampledObject(job, item, &stop);
-    set = importSet(job, std::move(object), hand, given.grasps, hash, makeHandFields(hand, &stop),
-                    JobSystem(command.threads), stop);
+    const JobSystem jobs(command.threads);
+    set = importSet(job, std::move(object), hand, given.grasps, hash, makeHandFields(hand, &stop, jobs), jobs, stop);
   } catch (const Cancelled&) {  // set stays empty
   }
   if (!set) {

@@ -5,6 +5,7 @@
 #include "build/mesh_hashes.h"
 #include "build/shards.h"
 #include "build/time_limit.h"
+#include "build/timing.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/log.h"
@@ -198,9 +199,10 @@ class JobRun {
     FieldsOfHand& entry = fields_[hand.contentHash];
     if (!entry.fields) {
       const auto start = std::chrono::steady_clock::now();
-      entry.fields = makeHandFields(hand, &cancel_);
-      entry.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-      logInfo(fmt::format("{}: fields of the hand made in {:.2f} s", hand.name, entry.seconds));
+      const double before = processSeconds();
+      entry.fields = makeHandFields(hand, &cancel_, jobs_);
+      entry.seconds = processSeconds() - before;
+      logInfo(fmt::format("{}: fields of the hand made in {:.2f} s", hand.name, secondsSince(start)));
     }
     return entry;
   }

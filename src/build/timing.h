@@ -10,10 +10,14 @@ inline double secondsSince(std::chrono::steady_clock::time_point start) {
 }
 
 /// Seconds that the processor worked for this thread: unlike the wall's they do not count waiting.
-inline double threadSeconds() {
+inline double processorSeconds(clockid_t clock) {
   timespec time{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  ::clock_gettime(clock, &time);
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
+inline double threadSeconds() { return processorSeconds(CLOCK_THREAD_CPUTIME_ID); }
+
+/// The same for all threads of the process.
+inline double processSeconds() { return processorSeconds(CLOCK_PROCESS_CPUTIME_ID); }
 
 }  // namespace handhold

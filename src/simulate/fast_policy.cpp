@@ -931,8 +931,9 @@ class FastPolicy final : public GraspPolicy {
 
 }  // namespace
 
-std::shared_ptr<const HandFields> makeHandFields(const Hand& hand, const std::atomic<bool>* cancel) {
-  return std::make_shared<const HandFields>(hand, cancel);
+std::shared_ptr<const HandFields> makeHandFields(const Hand& hand, const std::atomic<bool>* cancel,
+                                                 const JobSystem& jobs) {
+  return std::make_shared<const HandFields>(hand, jobs, cancel);
 }
 
 std::unique_ptr<GraspPolicy> makeFastPolicy(std::shared_ptr<const HandFields> fields, const Hand& hand,

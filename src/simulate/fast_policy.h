@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/job_system.h"
 #include "simulate/grasp_policy.h"
 
 #include <atomic>
@@ -11,8 +12,9 @@ namespace handhold {
 class HandFields;
 
 /// @throws Cancelled  within a second after `cancel` became true
-/// @note Takes a few seconds on one core.
-std::shared_ptr<const HandFields> makeHandFields(const Hand& hand, const std::atomic<bool>* cancel = nullptr);
+/// @note Takes about a second on one core. Any number of threads makes the same fields.
+std::shared_ptr<const HandFields> makeHandFields(const Hand& hand, const std::atomic<bool>* cancel = nullptr,
+                                                 const JobSystem& jobs = JobSystem(1));
 
 /// The reference's policy, faster: fields of the hand against points of the object, then exact
 /// triangles (README.md). Trials that it cannot settle exactly it hands to the reference and marks `byReference`.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 namespace handhold {
@@ -330,7 +331,8 @@ std::int32_t packed(double bottom, double top, double unit, bool inward) {
   const auto first = static_cast<std::int32_t>(inward ? std::ceil(low) : std::floor(low));
   const auto last = static_cast<std::int32_t>(inward ? std::floor(high) : std::ceil(high));
   if (first > last) return ColumnField::kNone;
-  return static_cast<std::int32_t>(static_cast<std::uint32_t>(last) << 16 | (static_cast<std::uint32_t>(first) & 0xFFFF));
+  return static_cast<std::int32_t>(static_cast<std::uint32_t>(last) << 16 |
+                                   (static_cast<std::uint32_t>(first) & 0xFFFF));
 }
 
 /// What `packed` made of them; bottom > top: no interval.
@@ -454,79 +456,108 @@ Placement Placement::of(const Isometry3d& X) {
   return p;
 }
 
-HandFields::HandFields(const Hand& hand, const std::atomic<bool>* cancel)
+HandFields::HandFields(const Hand& hand, const JobSystem& jobs, const std::atomic<bool>* cancel)
     : links(solidLinks(hand)), grids(hand.links.size()), covers(hand.links.size()), models(hand) {
-  for (const int link : links) {
-    throwIfCancelled(cancel);
-    covers[link] = coverSurface(hand.links[link].mesh);
-    const TriangleMesh& mesh = hand.links[link].mesh;
-    for (const int other : links) {
-      const TriangleMesh& earlier = hand.links[other].mesh;
-      if (other < link && earlier.triangles == mesh.triangles && earlier.vertices == mesh.vertices)
-        grids[link] = grids[other];
-    }
-    if (grids[link] == nullptr) grids[link] = std::make_shared<const LinkGrid>(mesh, cancel);
-  }
+  makeGrids(hand, jobs, cancel);
   for (const ClosingJoint& closing : hand.closing) steps.push_back(makeClosingStep(hand, closing));
+  std::vector<const Eigen::VectorXd*> posture;  // of each motion: that of the first preshape with it
+  for (const Preshape& shape : hand.preshapes) {
+    addPreshape(hand, shape);
+    posture.resize(motions.size(), &shape.jointPosition);
+  }
 
-  const auto addMotion = [&](Motion motion, const Eigen::VectorXd& q) {
-    for (auto& [joint, position] : motion.heldJoints) position = q[joint];
-    for (std::size_t i = 0; i < motions.size(); ++i) {  // the same in another preshape
-      const Motion& old = motions[i];
-      const bool sameMover =
-          old.mover.has_value() == motion.mover.has_value() &&
-          (!old.mover || (old.mover->joint == motion.mover->joint && old.mover->followers == motion.mover->followers &&
-                          old.mover->links == motion.mover->links));
-      if (sameMover && old.start == motion.start && old.direction == motion.direction &&
-          old.heldJoints == motion.heldJoints && old.slideAxis == motion.slideAxis) {
-        return static_cast<int>(i);
-      }
+  // The tables, each of which stands alone; a motion like an earlier one takes over that one's.
+  std::vector<std::size_t> like(motions.size());
+  std::vector<std::function<void()>> tables;
+  for (std::size_t i = 0; i < motions.size(); ++i) {
+    Motion& motion = motions[i];
+    like[i] = i;
+    for (std::size_t k = 0; k < i && like[i] == i; ++k) {
+      if (motion.mover && motions[k].mover && moveAlike(*this, motions[k], motion)) like[i] = like[k];
     }
-    for (const Motion& old : motions) {
-      if (motion.mover && old.mover && moveAlike(*this, old, motion)) motion.field = old.field;
-    }
-    if (motion.field == nullptr) {
-      const PoseTable table = layOutPoses(hand, motion, q);
+    if (like[i] != i) continue;
+    tables.emplace_back([this, &hand, &motion, q = posture[i], cancel] {
       std::vector<const LinkGrid*> moved;
       for (const MotionLeaf& leaf : motion.leaves) moved.push_back(grids[leaf.link].get());
-      motion.field = std::make_shared<const FirstTouch>(firstTouchFields(moved, table, cancel));
-    }
-    motions.push_back(std::move(motion));
-    return static_cast<int>(motions.size() - 1);
-  };
-
-  for (const Preshape& shape : hand.preshapes) {
-    const Eigen::VectorXd& q = shape.jointPosition;
-    PreshapeFields preshape;
-    preshape.X_HL = forwardKinematics(hand, q);
-    preshape.X_GH = (preshape.X_HL[hand.palmLink] * hand.X_LG).inverse();
-    for (const Isometry3d& X_HL : preshape.X_HL) {
-      preshape.X_LG.push_back((preshape.X_GH * X_HL).inverse());
-      preshape.fromPalm.push_back(Placement::of(preshape.X_LG.back()));
-    }
-    preshape.partPoints = partPoints(hand, preshape.X_HL);
-    preshape.apart = models.apart(pairsThatMove(hand), preshape.X_HL);
-    preshape.fine = columnField(*this, preshape, kFineColumn, 0, cancel);
-    preshape.inner = innerColumns(*this, preshape, preshape.fine, cancel);
-    preshape.coarse = columnField(*this, preshape, kCoarseColumn, ObjectShell::kBlockRadius, cancel);
-    for (const ClosingStep& step : steps) {
-      PreshapeFields::Step s;
-      const auto addPart = [&](ClosingPart part, bool overWholeRange) {
-        s.motion[static_cast<std::size_t>(part)] = addMotion(makeMotion(hand, step.mover(part), q, overWholeRange), q);
-      };
-      addPart(ClosingPart::together, false);
-      if (step.selfCentering && step.fixedLinks.empty()) {
-        addPart(ClosingPart::alone, false);
-        addPart(ClosingPart::follower, false);
-      } else if (step.selfCentering) {
-        const Vector3d axis = -(preshape.X_HL[hand.palmLink].linear() * hand.X_LG.linear().col(0));
-        s.counterpart = addMotion(makeSlide(hand, step.fixedLinks, axis, preshape.X_HL), q);
-      }
-      if (step.breakaway.joint >= 0) addPart(ClosingPart::breakaway, true);
-      preshape.steps.push_back(s);
-    }
-    preshapes.push_back(std::move(preshape));
+      motion.field = std::make_shared<const FirstTouch>(firstTouchFields(moved, layOutPoses(hand, motion, *q), cancel));
+    });
   }
+  for (PreshapeFields& preshape : preshapes) {
+    tables.emplace_back([this, &preshape, cancel] {
+      preshape.fine = columnField(*this, preshape, kFineColumn, 0, cancel);
+      preshape.inner = innerColumns(*this, preshape, preshape.fine, cancel);
+    });
+    tables.emplace_back([this, &preshape, cancel] {
+      preshape.coarse = columnField(*this, preshape, kCoarseColumn, ObjectShell::kBlockRadius, cancel);
+    });
+  }
+  jobs.run(tables.size(), 1, [&](int, std::size_t i) { tables[i](); });
+  for (std::size_t i = 0; i < motions.size(); ++i) motions[i].field = motions[like[i]].field;
+}
+
+void HandFields::makeGrids(const Hand& hand, const JobSystem& jobs, const std::atomic<bool>* cancel) {
+  std::vector<int> like(hand.links.size());  // the first link of equal shape
+  for (const int link : links) {
+    const TriangleMesh& mesh = hand.links[link].mesh;
+    like[link] = *std::find_if(links.begin(), links.end(), [&](int other) {
+      const TriangleMesh& earlier = hand.links[other].mesh;
+      return earlier.triangles == mesh.triangles && earlier.vertices == mesh.vertices;
+    });
+  }
+  jobs.run(links.size(), 1, [&](int, std::size_t i) {
+    const int link = links[i];
+    throwIfCancelled(cancel);
+    covers[link] = coverSurface(hand.links[link].mesh);
+    if (like[link] == link) grids[link] = std::make_shared<const LinkGrid>(hand.links[link].mesh, cancel);
+  });
+  for (const int link : links) grids[link] = grids[like[link]];
+}
+
+int HandFields::addMotion(Motion motion, const Eigen::VectorXd& q) {
+  for (auto& [joint, position] : motion.heldJoints) position = q[joint];
+  for (std::size_t i = 0; i < motions.size(); ++i) {  // the same in another preshape
+    const Motion& old = motions[i];
+    const bool sameMover =
+        old.mover.has_value() == motion.mover.has_value() &&
+        (!old.mover || (old.mover->joint == motion.mover->joint && old.mover->followers == motion.mover->followers &&
+                        old.mover->links == motion.mover->links));
+    if (sameMover && old.start == motion.start && old.direction == motion.direction &&
+        old.heldJoints == motion.heldJoints && old.slideAxis == motion.slideAxis) {
+      return static_cast<int>(i);
+    }
+  }
+  motions.push_back(std::move(motion));
+  return static_cast<int>(motions.size() - 1);
+}
+
+void HandFields::addPreshape(const Hand& hand, const Preshape& shape) {
+  const Eigen::VectorXd& q = shape.jointPosition;
+  PreshapeFields preshape;
+  preshape.X_HL = forwardKinematics(hand, q);
+  preshape.X_GH = (preshape.X_HL[hand.palmLink] * hand.X_LG).inverse();
+  for (const Isometry3d& X_HL : preshape.X_HL) {
+    preshape.X_LG.push_back((preshape.X_GH * X_HL).inverse());
+    preshape.fromPalm.push_back(Placement::of(preshape.X_LG.back()));
+  }
+  preshape.partPoints = partPoints(hand, preshape.X_HL);
+  preshape.apart = models.apart(pairsThatMove(hand), preshape.X_HL);
+  for (const ClosingStep& step : steps) {
+    PreshapeFields::Step s;
+    const auto addPart = [&](ClosingPart part, bool overWholeRange) {
+      s.motion[static_cast<std::size_t>(part)] = addMotion(makeMotion(hand, step.mover(part), q, overWholeRange), q);
+    };
+    addPart(ClosingPart::together, false);
+    if (step.selfCentering && step.fixedLinks.empty()) {
+      addPart(ClosingPart::alone, false);
+      addPart(ClosingPart::follower, false);
+    } else if (step.selfCentering) {
+      const Vector3d axis = -(preshape.X_HL[hand.palmLink].linear() * hand.X_LG.linear().col(0));
+      s.counterpart = addMotion(makeSlide(hand, step.fixedLinks, axis, preshape.X_HL), q);
+    }
+    if (step.breakaway.joint >= 0) addPart(ClosingPart::breakaway, true);
+    preshape.steps.push_back(s);
+  }
+  preshapes.push_back(std::move(preshape));
 }
 
 }  // namespace handhold

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/job_system.h"
 #include "simulate/closing_plan.h"
 #include "simulate/collision_models.h"
 #include "simulate/link_grid.h"
@@ -102,7 +103,7 @@ struct PreshapeFields {
 class HandFields {
  public:
   /// @throws Cancelled  soon after `cancel` became true
-  explicit HandFields(const Hand& hand, const std::atomic<bool>* cancel = nullptr);
+  HandFields(const Hand& hand, const JobSystem& jobs, const std::atomic<bool>* cancel);
 
   std::vector<int> links;                              // with geometry
   std::vector<std::shared_ptr<const LinkGrid>> grids;  // by link, null without geometry; equal links share theirs
@@ -111,6 +112,13 @@ class HandFields {
   std::vector<ClosingStep> steps;
   std::vector<Motion> motions;
   std::vector<PreshapeFields> preshapes;
+
+ private:
+  void makeGrids(const Hand& hand, const JobSystem& jobs, const std::atomic<bool>* cancel);
+  /// The index of the motion; known ones are not added again.
+  int addMotion(Motion motion, const Eigen::VectorXd& q);
+  /// What needs no table: postures and motions.
+  void addPreshape(const Hand& hand, const Preshape& shape);
 };
 
 }  // namespace handhold

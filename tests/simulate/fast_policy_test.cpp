@@ -47,7 +47,8 @@ struct FieldedHand {
   Hand hand;
   std::shared_ptr<const HandFields> fields;
 
-  explicit FieldedHand(Hand h) : hand(std::move(h)), fields(makeHandFields(hand)) {}
+  explicit FieldedHand(Hand h, int threads = 1)
+      : hand(std::move(h)), fields(makeHandFields(hand, nullptr, JobSystem(threads))) {}
 };
 
 /// Loaded once for all tests, as their fields take a while.
@@ -458,8 +459,8 @@ TEST_P(ShippedHand, GivesEqualTrialsInAnyOrderAndFromAClone) {
   }
 }
 
-TEST(FastPolicy, FieldsMadeAgainGiveEqualTrials) {
-  const FieldedHand once(makeFingers(3)), again(makeFingers(3));
+TEST(FastPolicy, FieldsMadeAgainByMoreThreadsGiveEqualTrials) {
+  const FieldedHand once(makeFingers(3)), again(makeFingers(3), 3);
   const ObjectModel& object = shippedObject("mug.obj");
   const auto candidates = candidatesOn(object, once.hand, 40, kSeed + 5);
   const auto first = runAll(*makeFastPolicy(once.fields, once.hand, object, PolicyKind::surfaceNormal), candidates);
