@@ -236,7 +236,10 @@ class FastPolicy final : public GraspPolicy {
 
   /// Are two links apart for sure: no sphere of one's cover near the other?
   bool areApart(int a, int b) {
-    const PlacedGrid placed = {fields_->grids[a].get(), Placement::of(X_HL_[a].inverse() * X_HL_[b])};
+    const LinkGrid &gridA = *fields_->grids[a], &gridB = *fields_->grids[b];
+    const double between = (X_HL_[a] * gridA.center - X_HL_[b] * gridB.center).norm();
+    if (between > gridA.radius + gridB.radius) return true;
+    const PlacedGrid placed = {&gridA, Placement::of(X_HL_[a].inverse() * X_HL_[b])};
     return kernels::nearBlocks(placed, fields_->covers[b], 0, blockIds_.data()) == 0;
   }
 
