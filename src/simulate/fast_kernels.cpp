@@ -133,7 +133,7 @@ HWY_INLINE Sampled sample(const LinkGrid& grid, const V3& p) {
                 hn::Sub(c.z, hn::ConvertTo(d, iz))};
   const VI index =
       hn::Add(hn::Mul(hn::Add(hn::Mul(iz, hn::Set(di, lattice.size[1])), iy), hn::Set(di, lattice.size[0])), ix);
-  const std::int32_t* v = grid.pairs.data();
+  const std::int32_t* v = grid.nodePairs.data();
   const std::ptrdiff_t row = lattice.size[0], layer = row * lattice.size[1];
   const auto [v000, v100] = gatherPair(v, index);
   const auto [v010, v110] = gatherPair(v + row, index);
@@ -568,7 +568,7 @@ HWY_INLINE M mayBeNear(const LinkGrid& grid, const V3& p, V radius, float margin
   const V reach = hn::Add(radius, hn::Set(d, margin));
   const V outside = hn::Mul(dot(off, off), hn::Set(d, lattice.step * lattice.step));
   const M close = hn::Le(outside, hn::Mul(reach, reach));
-  const V value = gatherPair(grid.pairs.data(), index).here;
+  const V value = gatherPair(grid.nodePairs.data(), index).here;
   return hn::And(close, hn::Le(value, hn::Add(reach, hn::Set(d, 0.8661F * lattice.step))));
 }
 

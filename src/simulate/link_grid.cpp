@@ -216,7 +216,7 @@ std::vector<float> interpolationErrors(const Lattice<float>& lattice) {
   return error;
 }
 
-std::vector<std::int32_t> pairsOf(const Lattice<float>& lattice) {
+std::vector<std::int32_t> nodePairsOf(const Lattice<float>& lattice) {
   constexpr float kMost = std::numeric_limits<std::int16_t>::max();
   const auto units = [&](std::size_t node) {
     const float value = lattice.value[std::min(node, lattice.value.size() - 1)] / LinkGrid::kUnit;
@@ -312,7 +312,7 @@ LinkGrid::LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel) {
     for (float& value : distance.value) value -= static_cast<float>(kOpenShrink * step);
   }
   error = interpolationErrors(distance);
-  pairs = pairsOf(distance);
+  nodePairs = nodePairsOf(distance);
 }
 
 void LinkGrid::addTriangles(const TriangleMesh& mesh, const std::vector<std::uint32_t>& visible) {

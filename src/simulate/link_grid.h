@@ -43,7 +43,7 @@ struct LinkGrid {
   static constexpr double kBand = 4e-3;        // m
   static constexpr double kMargin = 4e-3;      // m, of the lattice around the link
   static constexpr double kOpenShrink = 0.75;  // lattice steps
-  static constexpr float kUnit = 1e-6F;        // m, of `pairs`
+  static constexpr float kUnit = 1e-6F;        // m, of `nodePairs`
 
   /// @throws Cancelled  soon after `cancel` became true
   explicit LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel = nullptr);
@@ -56,7 +56,7 @@ struct LinkGrid {
   Lattice<float> distance;
   /// For the kernels, which so gather half as often: per node its distance in the low half and that of the next node
   /// along x in the high one, in units, rounded down; what sixteen bits cannot hold is cut off at their ends.
-  std::vector<std::int32_t> pairs;
+  std::vector<std::int32_t> nodePairs;
   std::vector<float> error;  // per cell, at its lowest node: how far above the truth interpolation may lie [m]
   bool closed = false;       // oriented outward and without boundary
   Eigen::Vector3d center;    // of the bounding sphere

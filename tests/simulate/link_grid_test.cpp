@@ -210,17 +210,17 @@ TEST_P(ClosedShape, NodesWithinTheBandAreExact) {
   EXPECT_GT(within, kPoints / 10);
 }
 
-TEST_P(ClosedShape, PairsHoldTheDistancesRoundedDown) {
+TEST_P(ClosedShape, NodePairsHoldTheDistancesRoundedDown) {
   const Measured m = shape(GetParam());
   const Lattice<float>& lattice = m.grid.distance;
-  ASSERT_EQ(m.grid.pairs.size(), lattice.value.size());
+  ASSERT_EQ(m.grid.nodePairs.size(), lattice.value.size());
   constexpr float kMost = 32767 * LinkGrid::kUnit;
   const auto agrees = [&](std::int32_t units, float value) {
     const float below = std::clamp(value, -kMost, kMost) / LinkGrid::kUnit - static_cast<float>(units);
     return below > -0.01F && below < 1.01F;
   };
   for (std::size_t i = 0; i + 1 < lattice.value.size(); ++i) {
-    const std::int32_t here = static_cast<std::int16_t>(m.grid.pairs[i] & 0xFFFF), next = m.grid.pairs[i] >> 16;
+    const std::int32_t here = static_cast<std::int16_t>(m.grid.nodePairs[i] & 0xFFFF), next = m.grid.nodePairs[i] >> 16;
     ASSERT_TRUE(agrees(here, lattice.value[i])) << here << " for " << lattice.value[i];
     ASSERT_TRUE(agrees(next, lattice.value[i + 1])) << next << " for " << lattice.value[i + 1];
   }
