@@ -5,8 +5,8 @@ target_compile_options(handhold_flags INTERFACE -Wall -Wextra -Wpedantic -Wshado
 # gcc 12 sees overlapping and endless copies in std::string's operator+ (its bug 105651); the sanitizers look for real ones.
 target_compile_options(handhold_flags INTERFACE
                        "$<$<CXX_COMPILER_ID:GNU>:-Wno-restrict;-Wno-stringop-overflow;-Wno-stringop-overread;-Wno-array-bounds>")
-# Presets with CMAKE_UNITY_BUILD compile so many files at once, which halves the time of a whole build: most of a file's is
-# templates of json and Eigen that its neighbours need as well. gcc then takes their anonymous namespaces for a header's.
+# Presets with CMAKE_UNITY_BUILD compile so many files at once: a whole build takes two thirds of the time, as most of a file's
+# is templates of json and Eigen that its neighbours need as well. gcc then takes their anonymous namespaces for a header's.
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 5)
 if(CMAKE_UNITY_BUILD)
   target_compile_options(handhold_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)

@@ -220,8 +220,9 @@ std::string summaryTable(const std::vector<GraspSetSummary>& summaries) {
   table += "  N, R, M   surface samples, rolls and preshapes; their product is the trials\n";
   for (const Column& column : columns) table += fmt::format("  {:<9} {}\n", column.heading, column.meaning);
   table +=
-      "  grasps    that are stored, of those that end force closed as many as the job keeps; core s: seconds of one "
-      "core\n";
+      "  grasps    that are stored, of those that end force closed as many as the job keeps\n"
+      "  best eps  the largest epsilon of a stored grasp, on the job's cone edges; - where none is stored\n"
+      "  core s    seconds of one core\n";
   return table;
 }
 

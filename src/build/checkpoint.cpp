@@ -19,7 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kMagic = "HANDHOLD CHUNK 2\n";
-constexpr std::size_t kHashLength = 32;
 
 /// Writes numbers one after another, or reads them back in the same order.
 class Archive {

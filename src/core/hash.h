@@ -8,6 +8,9 @@
 
 namespace handhold {
 
+/// Hexadecimal digits of a content hash.
+inline constexpr std::size_t kHashLength = 32;
+
 /// 128-bit content hash (XXH3): detects change and damage, is no defence against forgery.
 class ContentHash {
  public:
@@ -20,7 +23,7 @@ class ContentHash {
   /// Adds the text and its length, so that ("ab", "c") and ("a", "bc") differ.
   void addText(std::string_view text);
   void addNumber(double value);
-  /// The hash of all that was added, as 32 hexadecimal digits.
+  /// The hash of all that was added, as kHashLength hexadecimal digits.
   std::string hex() const;
 
  private:
@@ -28,7 +31,7 @@ class ContentHash {
   std::unique_ptr<State> state_;
 };
 
-/// XXH3-128 of a block of memory, as 32 hexadecimal digits.
+/// XXH3-128 of a block of memory, as kHashLength hexadecimal digits.
 std::string hashBytes(const void* data, std::size_t size);
 
 /// XXH3-64 of a text: a key for random streams and shards, equal on every machine.

@@ -17,7 +17,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kCalibrationMagic = "# HANDHOLD CALIBRATION ", kVersion = "1";
-constexpr std::size_t kHashLength = 32;
 
 template <class Measures, class Visit>
 void forEachMeasure(Measures& measures, const Visit& visit) {

@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kResultsMagic = "HANDHOLD PHYSICS RESULTS 1\n";
-constexpr std::size_t kResultsBlockBytes = 512, kHashLength = 32;
+constexpr std::size_t kResultsBlockBytes = 512;
 
 template <class Visit>
 void forEachAttribute(const Visit& visit) {

@@ -72,6 +72,8 @@ class Programs(unittest.TestCase):
         self.assertIn("2 sets built, 0 unchanged, 0 failed", result.stdout)
         for word in ("object", "hand", "N", "R", "M", "trials", "FC %", "grasps", "best eps", "core s"):
             self.assertIn(word, result.stdout.splitlines()[0])
+        for word in ("N, R, M", "FC %", "grasps", "best eps", "core s"):
+            self.assertRegex(result.stdout, rf"(?m)^  {word} +[a-z]")  # each heading has its row below
         again = self.build(objects=("box.stl", "t_bar.ply"))
         self.assertIn("0 sets built, 2 unchanged, 0 failed", again.stdout)
 

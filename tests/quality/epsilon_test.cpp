@@ -1,3 +1,4 @@
+#include "quality/cone_wrenches.h"
 #include "quality/force_closure.h"
 #include "quality/proof.h"
 #include "quality/references.h"
@@ -18,6 +19,7 @@ namespace {
 
 using testing::qhullEpsilon;
 using testing::randomContacts;
+using testing::wrenchesOf;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
@@ -28,10 +30,6 @@ constexpr double kRoundingTol = 4e-12;
 constexpr double kQhullTol = 1e-9;
 
 double epsilon(const WrenchMatrix& wrenches) { return epsilonMetric(wrenches, testForceClosure(wrenches)); }
-
-WrenchMatrix wrenchesOf(const std::vector<Contact>& contacts, double friction = 0.4, int coneEdges = 8) {
-  return frictionConeWrenches(contacts, {{0, 0, 0}, 1, friction, coneEdges});
-}
 
 /// The corners of {-1, 1}^6.
 WrenchMatrix cubeCorners() {

@@ -1,6 +1,7 @@
 #include "quality/force_closure.h"
 
 #include "quality/columns.h"
+#include "quality/cone_wrenches.h"
 #include "quality/proof.h"
 #include "quality/references.h"
 #include "support/random_contacts.h"
@@ -22,6 +23,7 @@ namespace {
 
 using testing::provedVerdict;
 using testing::randomContacts;
+using testing::wrenchesOf;
 
 // GLPK stops at 1e-9 and its margin is a weight of at most 1 / n; no random set of ours has one between.
 constexpr double kGlpkMargin = 1e-10;
@@ -35,10 +37,6 @@ std::vector<Contact> ring(int nContacts) {
     contacts.push_back({p, -p, 0});
   }
   return contacts;
-}
-
-WrenchMatrix wrenchesOf(const std::vector<Contact>& contacts, double friction = 0.4, int coneEdges = 8) {
-  return frictionConeWrenches(contacts, {{0, 0, 0}, 1, friction, coneEdges});
 }
 
 std::array<std::uint64_t, 6> bits(const Eigen::Matrix<double, 6, 1>& v) {

@@ -1,6 +1,5 @@
 #include "robot/chain.h"
 
-#include "core/random.h"
 #include "robot/robot.h"
 #include "robot/robot_files.h"
 
@@ -12,17 +11,9 @@ namespace handhold {
 namespace {
 
 using testing::kRobots;
+using testing::randomPosture;
 
 constexpr double kChainTol = 1e-12;  // m: rounding of a dozen transforms
-
-Eigen::VectorXd anyPosture(const ArmChain& chain, std::uint64_t seed) {
-  Eigen::VectorXd q(chain.size());
-  for (Eigen::Index i = 0; i < chain.size(); ++i) {
-    const double share = RandomStream(seed).uniform(static_cast<std::uint64_t>(i));
-    q[i] = chain.steps[i].lower + (chain.steps[i].upper - chain.steps[i].lower) * share;
-  }
-  return q;
-}
 
 class ChainTest : public ::testing::TestWithParam<std::string> {
  protected:
@@ -35,7 +26,7 @@ TEST_P(ChainTest, TipIsWhereTheMechanismHasIt) {
     const ArmChain chain = makeChain(robot_, static_cast<int>(a));
     ASSERT_EQ(chain.steps.size(), arm.joints.size());
     for (int seed = 0; seed < 100; ++seed) {
-      const Eigen::VectorXd q = anyPosture(chain, seed);
+      const Eigen::VectorXd q = randomPosture(chain, seed);
       Eigen::VectorXd all = robot_.home;
       for (std::size_t i = 0; i < arm.joints.size(); ++i) all[arm.joints[i]] = q[i];
       const auto X_BL = forwardKinematics(robot_.body, all);
@@ -49,7 +40,7 @@ TEST_P(ChainTest, JacobianIsTheDerivative) {
   constexpr double kStep = 1e-6, kDerivativeTol = 1e-8;  // central differences of motions of about a metre
   const ArmChain chain = makeChain(robot_, 0);
   for (int seed = 0; seed < 20; ++seed) {
-    const Eigen::VectorXd q = anyPosture(chain, seed);
+    const Eigen::VectorXd q = randomPosture(chain, seed);
     Eigen::Matrix<double, 6, Eigen::Dynamic> J;
     const Eigen::Isometry3d X = tipPose(chain, q, J);
     EXPECT_LT((X.matrix() - tipPose(chain, q).matrix()).norm(), kChainTol);

@@ -23,24 +23,13 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 using Solutions = std::vector<VectorXd>;
 using testing::kRobots;
+using testing::randomPosture;
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kDistinct = 1e-4;  // as the header says
 constexpr int kPoses = testing::kSanitized ? 300 : 10000;
 
 ArmChain chainOf(const std::string& name, int arm = 0) { return makeChain(loadRobot(kRobots + name), arm); }
-
-/// Uniform within the limits, continuous joints within a turn; `stream` tells question and present posture apart.
-VectorXd randomPosture(const ArmChain& chain, std::uint64_t seed, std::uint64_t stream = 0) {
-  VectorXd q(chain.size());
-  for (Eigen::Index i = 0; i < chain.size(); ++i) {
-    const ArmChain::Step& step = chain.steps[i];
-    const bool limited = std::isfinite(step.upper - step.lower);
-    const double lower = limited ? step.lower : -kPi, upper = limited ? step.upper : kPi;
-    q[i] = lower + (upper - lower) * RandomStream(seed).child(stream).uniform(static_cast<std::uint64_t>(i));
-  }
-  return q;
-}
 
 double distance(const VectorXd& a, const VectorXd& b) { return (a - b).lpNorm<Eigen::Infinity>(); }
 

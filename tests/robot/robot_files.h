@@ -1,10 +1,15 @@
 #pragma once
 
 #include "core/error.h"
+#include "core/random.h"
+#include "robot/chain.h"
 #include "robot/robot.h"
 
+#include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <numbers>
 #include <string>
 
 #include <fmt/format.h>
@@ -129,6 +134,19 @@ int indexOf(const Items& items, const std::string& name) {
     if (items[i].name == name) return static_cast<int>(i);
   }
   return -1;
+}
+
+/// Uniform within the limits, continuous joints within a turn; `stream` tells question and present posture apart.
+inline Eigen::VectorXd randomPosture(const ArmChain& chain, std::uint64_t seed, std::uint64_t stream = 0) {
+  Eigen::VectorXd q(chain.size());
+  for (Eigen::Index i = 0; i < chain.size(); ++i) {
+    const ArmChain::Step& step = chain.steps[i];
+    const bool limited = std::isfinite(step.upper - step.lower);
+    const double lower = limited ? step.lower : -std::numbers::pi;
+    const double upper = limited ? step.upper : std::numbers::pi;
+    q[i] = lower + (upper - lower) * RandomStream(seed).child(stream).uniform(static_cast<std::uint64_t>(i));
+  }
+  return q;
 }
 
 }  // namespace handhold::testing

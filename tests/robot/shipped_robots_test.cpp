@@ -18,6 +18,7 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 using testing::indexOf;
+using testing::kRobots;
 
 constexpr double kDegree = 3.14159265358979323846 / 180;
 constexpr double kLimitTol = 2e-6;  // rad: files have six decimals
@@ -30,7 +31,6 @@ void expectLimits(const Robot& robot, const std::string& name, double lower, dou
 }
 
 using LinkPairs = std::vector<std::pair<int, int>>;
-using testing::kRobots;
 
 /// Links that touch and may not, lower index first.
 LinkPairs touchingAt(const Robot& robot, const VectorXd& q) {
