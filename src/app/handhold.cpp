@@ -4,6 +4,7 @@
 #include "core/error.h"
 
 #include <cstdlib>
+#include <filesystem>
 #include <limits>
 #include <map>
 
@@ -86,7 +87,7 @@ CLI::App* addImport(CLI::App& app, ImportCommand& command) {
                   "in which the hand arrives (default: as the file says, else the first)")
       ->type_name("NAME");
   sub->add_flag("--close", command.close, "pass over the file's joint positions: the policy closes the hand");
-  sub->add_option("--friction", command.friction, "coefficient of friction")->check(CLI::PositiveNumber);
+  sub->add_option("--friction", command.friction, "coefficient of friction")->check(CLI::Range(1e-6, 10.0));
   sub->add_option("--contact-distance", command.contactDistance, "links at most so far from the object touch it [m]")
       ->check(CLI::Range(2e-5, 2e-3));
   sub->add_option("--threads", command.threads, "default: one a core")->check(CLI::Range(1, 1024));
@@ -181,7 +182,7 @@ int runProgram(int argc, char** argv) {
   addFormat(buildCommand);
   addProgress(buildCommand);
   buildCommand->add_option("--trial", build.trial, "explain one trial (index into N*R*M), write nothing")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(0LL, std::numeric_limits<long long>::max()));
 
   CLI::App* listCommand = app.add_subcommand("list", "a line for every set and version");
   addDatabase(listCommand);
@@ -198,7 +199,7 @@ int runProgram(int argc, char** argv) {
   verifyCommand->add_option("--set-version", verify.setVersion, "only this version")
       ->check(CLI::Range(1, 1'000'000'000));
   verifyCommand->add_option("--sample", verify.sample, "grasps, and as many trials, of each set (default 20; 0: none)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(0, std::numeric_limits<int>::max()));
   addFormat(verifyCommand);
 
   CLI::App* diffCommand = app.add_subcommand(
@@ -251,7 +252,7 @@ int runProgram(int argc, char** argv) {
       ->type_name("DIR")
       ->excludes(init);
   handCommand->add_option("--sphere", sphereDiameter, "diameter [m] of the sphere to close on")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(0.001, 10.0));
   addPackages(handCommand);
 
   CLI::App* renderCommand = app.add_subcommand("render", "a picture of a grasp (the best, or number I by rank)");
@@ -301,6 +302,10 @@ int runProgram(int argc, char** argv) {
   build.json = verify.json = physics.json = format == "json";
   parseShard(shard, build.options);
   const Database database(databaseFolder);
+  // These make the folder where there is none; what else has its name would fail every set.
+  const bool makesFolder = *buildCommand || *submitCommand || *importCommand;
+  std::error_code ignored;
+  if (makesFolder && std::filesystem::exists(databaseFolder, ignored)) database.requireFolder();
   if (*submitCommand) {
     submit.options.packages = build.options.packages;
     return runSubmit(submit, database);

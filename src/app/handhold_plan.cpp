@@ -84,9 +84,9 @@ std::string summary(const PlanResult& result, const Planner& planner) {
   if (!result.planned) {
     text = fmt::format("infeasible: {} by {}: {}\n", result.object, planner.robot().name, result.reason);
   } else {
-    text = fmt::format("planned: {} by {}, {} arm, hand {}: grasp {} of set version {}, rank {}\n", result.object,
-                       planner.robot().name, result.arm, result.hand, result.grasp.score.grasp, result.setVersion,
-                       result.rank);
+    text = fmt::format("planned: {} by {}, {}, hand {}: grasp {} of set version {}, rank {}\n", result.object,
+                       planner.robot().name, armText(result.arm), result.hand, result.grasp.score.grasp,
+                       result.setVersion, result.rank);
     text += fmt::format("terms: gq {:.3f}, gb {:.3f}, ge {:.3f}\n", result.grasp.score.gq, result.grasp.score.gb,
                         result.grasp.score.ge);
   }
@@ -222,7 +222,9 @@ int runProgram(int argc, char** argv) {
 
   CLI::App* rank = app.add_subcommand("rank", "the stored grasps in the order in which they are worth trying here");
   addScene(rank);
-  rank->add_option("--top", options.top, "at most K (default 20; 0: all)")->type_name("K");
+  rank->add_option("--top", options.top, "at most K (default 20; 0: all)")
+      ->check(CLI::Range(0, std::numeric_limits<int>::max()))
+      ->type_name("K");
   rank->add_option("--format", options.format, "table or json")->check(CLI::IsMember({"table", "json"}));
 
   CLI::App* plan = app.add_subcommand("plan", "the first grasp that works here, with the motion of arm and hand");

@@ -233,7 +233,7 @@ ReportedPlan reportTask(const PlanFile& file, const PlanSource& source, Planner&
   std::map<std::string, std::size_t> rejected;
   for (const FiledStep& step : file.steps) {
     report.facts.emplace_back(stepName(step.step, step.object),
-                              fmt::format("{}{}", step.arm.empty() ? "not done" : step.arm + " arm",
+                              fmt::format("{}{}", step.arm.empty() ? "not done" : armText(step.arm),
                                           step.rejected.empty() ? "" : "; rejected: " + counted(step.rejected)));
     for (const auto& [reason, count] : step.rejected) rejected[reason] += count;
   }

@@ -33,6 +33,8 @@ std::string counted(const std::map<std::string, std::size_t>& counts) {
   return text.empty() ? "none" : text;
 }
 
+std::string armText(const std::string& name) { return name.ends_with("arm") ? name : name + " arm"; }
+
 int parseArguments(CLI::App& app, int argc, char** argv) {
   try {
     app.parse(argc, argv);

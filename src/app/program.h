@@ -24,6 +24,9 @@ PackagePaths parsePackages(const std::vector<std::string>& given);
 /// `3 unreachable, 1 no_motion`; `none` of nothing.
 std::string counted(const std::map<std::string, std::size_t>& counts);
 
+/// `left arm`; the name alone where it says so itself: `arm`, `right_arm`.
+std::string armText(const std::string& name);
+
 /// Parses the arguments; the exit code when the program has nothing more to do (--help, --version, wrong usage), -1
 /// else.
 int parseArguments(CLI::App& app, int argc, char** argv);

@@ -140,7 +140,9 @@ void printInfo(const GraspSetSummary& s) {
   const double total = totalSeconds(s);
   fmt::print("  core time   {:.2f} s, {:.0f} trials/s a core\n", total,
              total > 0 ? static_cast<double>(trialCount(s)) / total : 0);
-  for (const auto& [stage, duration] : s.seconds) fmt::print("    {:<18}{:>9.3f} s\n", stage, duration);
+  for (const auto& [stage, duration] : s.seconds) {
+    if (duration > 0) fmt::print("    {:<18}{:>9.3f} s\n", stage, duration);  // 0: the job does not ask for it
+  }
 }
 
 /// How an outcome is headed in a table, and what is said about it below.

@@ -28,7 +28,7 @@ std::string summary(const Task& task, const Robot& robot, const TaskResult& resu
     const TaskStepResult& step = result.steps[i];
     text += fmt::format("  {:<24}", stepName(task, i));
     if (result.done) {
-      text += fmt::format(" {:>6.2f} s  {} arm, grasp {}", step.seconds(), robot.arms[step.arm].name, step.grasp);
+      text += fmt::format(" {:>6.2f} s  {}, grasp {}", step.seconds(), armText(robot.arms[step.arm].name), step.grasp);
     }
     if (!step.rejected.empty()) text += fmt::format("  rejected: {}", counted(step.rejected));
     text += "\n";

@@ -163,7 +163,10 @@ void readSampling(const YamlValue& sampling, Job& job) {
   if (samples != nullptr) job.samples = samples->integer(1, 10'000'000);
   if (pitch != nullptr) job.pitch = pitch->positiveNumber();
   if (const YamlValue* rolls = sampling.find("rolls")) job.rolls = rolls->integer(1, 10'000);
-  if (const YamlValue* preshapes = sampling.find("preshapes")) job.preshapes = preshapes->texts();
+  if (const YamlValue* preshapes = sampling.find("preshapes")) {
+    job.preshapes = preshapes->texts();
+    if (job.preshapes.empty()) preshapes->refuse("at least one preshape, or no key preshapes for all");
+  }
   if (const YamlValue* policy = sampling.find("policy")) {
     if (policy->text() == "center_of_mass") {
       job.policy = PolicyKind::centerOfMass;

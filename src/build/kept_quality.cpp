@@ -25,20 +25,21 @@ void KeptQuality::compute(std::size_t row, GraspPolicy& policy, KeptGrasp& grasp
   grasp.epsilonUpper = bounds.upper;
   grasp.criticalFriction = trueCones_.criticalFriction(grasp.contacts).friction;
   const double afterBounds = threadSeconds();
+  boundsSeconds += afterBounds - start;
+  double afterLoad = afterBounds;
   if (row < loadRows_) {
     grasp.loadMargin =
         evaluateLoad(solver_, hand_, grasp.jointPosition, grasp.X_OH, grasp.contacts, model_.centerOfMass, tasks_).load;
+    afterLoad = threadSeconds();
+    loadSeconds += afterLoad - afterBounds;
   }
-  const double afterLoad = threadSeconds();
   if (row < robustnessRows_) {
     const Eigen::Isometry3d X_OH = Eigen::Translation3d(-grasp.centering) * grasp.X_OH;
     const auto preshape = static_cast<int>(grasp.trial % hand_.preshapes.size());
     grasp.robustness = forceClosureUnderNoise(policy, cones_, X_OH, preshape, model_.centerOfMass,
                                               job_.robustness.noise, stream_.child(grasp.trial));
+    robustnessSeconds += threadSeconds() - afterLoad;
   }
-  boundsSeconds += afterBounds - start;
-  loadSeconds += afterLoad - afterBounds;
-  robustnessSeconds += threadSeconds() - afterLoad;
 }
 
 }  // namespace handhold

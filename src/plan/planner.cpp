@@ -455,8 +455,10 @@ TriangleMesh Planner::objectMesh(const std::string& object) {
     if (set.object == object && (newest == nullptr || set.version > newest->version)) newest = &set;
   }
   if (newest == nullptr) {
-    throw InputError(fmt::format("the database {} has no object {}, want one of: {}", impl_->database.folder().string(),
-                                 object, fmt::join(objects, ", ")));
+    const std::string wanted =
+        objects.empty() ? "it holds no set" : fmt::format("want one of: {}", fmt::join(objects, ", "));
+    throw InputError(
+        fmt::format("the database {} has no object {}, {}", impl_->database.folder().string(), object, wanted));
   }
   return impl_->objectMeshes[object] = readGraspSet(newest->path).objectMesh;
 }

@@ -80,6 +80,7 @@ class OnlineProgram(unittest.TestCase):
         result = self.with_panda("plan", "--score", "reach", "--out", out)
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
         self.assertEqual(len(result.stdout.strip().splitlines()), 5, result.stdout)
+        self.assertIn("by panda, arm, hand", result.stdout)
         plan = json.loads(out.read_text())
         for key in ("status", "object", "hand", "arm", "set_version", "grasp", "trial", "rank", "tested", "terms",
                     "rejected", "hand_pose", "trajectory", "timing_ms"):
@@ -207,6 +208,11 @@ class OnlineProgram(unittest.TestCase):
         self.assert_refused(run(PLAN, "rank", "--robot", self.folder, "--scene", self.scene), "robot.yaml")
         self.assert_refused(run(PLAN, "rank", "--scene", self.scene), "--robot")
         self.assert_refused(run(PLAN, "dance"), "dance", "rank")
+        self.assert_refused(self.with_panda("rank", "--top", "-1"), "--top", "-1")
+        empty = self.folder / "empty_db"
+        empty.mkdir()
+        self.assert_refused(run(PLAN, "rank", "--robot", ROBOTS / "panda", "--scene", self.scene, "--db", empty), "t_bar",
+                            "it holds no set")
         self.assert_refused(run(PLAN, "rank", "--robot", ROBOTS / "panda", "--scene", self.scene, "--db",
                                 self.folder / "no_db"), "no_db")
 

@@ -90,6 +90,9 @@ class Programs(unittest.TestCase):
         self.assertLessEqual(info["best_epsilon_lower"], info["best_epsilon_upper"])
         self.assertLessEqual(info["least_critical_friction"], info["friction"] + 1e-6)
         self.assertIn("bounds", info["seconds"])
+        shown = run("info", self.db / "t_bar/jaw/v0001.h5").stdout
+        self.assertRegex(shown, r"(?m)^    bounds +\d")
+        self.assertNotIn("robustness", shown)  # the job does not ask for it
         self.assertGreater(info["best_load_margin"], 0)
         self.assertLessEqual(info["best_load_margin"], info["largest_load_margin"])
         self.assertEqual(info["load_margins"], min(200, info["grasps"]))
@@ -642,7 +645,13 @@ class Programs(unittest.TestCase):
         self.assert_refused(run("info", self.folder), "holds no grasp set")
         self.assert_refused(run("list", "--db", self.folder / "none"), "none: is no folder")
         self.assert_refused(run("render", self.folder / "none.h5", "--out", self.folder / "x.png"), "none.h5")
+        for option in ("build", "job.yaml", "--trial"), ("verify", "--sample"), ("hand", "jaw", "--sphere"):
+            refused = run(*option, "-1")
+            self.assert_refused(refused, option[-1], "-1")
+            self.assertLess(len(refused.stderr), 120)  # the range in digits that can be read
         self.assertFalse(self.db.exists())
+        self.db.write_text("")
+        self.assert_refused(self.build(), f"{self.db}: is no folder")
 
     def test_hands_are_refused_in_words(self):
         xacro = self.folder / "hand.urdf.xacro"

@@ -130,6 +130,12 @@ TEST_F(JobFile, RefusesUnknownKeysAnywhere) {
               HasSubstr("job.yaml:2: catalog[0].colour is not a known key"));
 }
 
+// Not all of them, as a job that does not name any has.
+TEST_F(JobFile, PreshapesAreNotAnEmptyList) {
+  EXPECT_THAT(refusal(good_, "sampling: {samples: 10, preshapes: []}\n"),
+              HasSubstr("job.yaml:4: sampling.preshapes is a list of 0, want at least one preshape"));
+}
+
 TEST_F(JobFile, LoadMarginHasTasks) {
   const auto with = [&](const std::string& margin) {
     return load(good_, "sampling: {samples: 10}\nquality: {load_margin: " + margin + "}\n");
