@@ -371,7 +371,12 @@ void readLinks(const std::string& path, const std::string& rootLink, const std::
                Mechanism& mechanism) {
   const auto model = parseUrdf(path, mechanism.urdfText);
   const auto root = rootLink.empty() ? model->getRoot() : model->getLink(rootLink);
-  if (root == nullptr) throw InputError(fmt::format("{}: has no link {}, want the link to begin at", path, rootLink));
+  if (root == nullptr) {
+    std::vector<std::string> names;
+    for (const auto& [name, link] : model->links_) names.push_back(name);
+    throw InputError(fmt::format("{}: has no link {} to begin at (root_link), want one of: {}", path, rootLink,
+                                 fmt::join(names, ", ")));
+  }
   for (const std::string& name : ignoreLinks) {
     if (model->getLink(name) == nullptr) throw InputError(fmt::format("{}: has no link {} to ignore", path, name));
   }

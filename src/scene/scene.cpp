@@ -62,8 +62,20 @@ std::string besides(const fs::path& file, const std::string& path) {
   return (file.parent_path() / path).lexically_normal().string();
 }
 
+/// What `read` makes of the file that an entry names; a refusal says where the name is as well.
+template <class Read>
+auto readNamed(const YamlValue& name, const fs::path& file, const Read& read) {
+  try {
+    return read(besides(file, name.text()));
+  } catch (const InputError& error) {
+    name.fail(fmt::format("is \"{}\": {}", name.text(), error.what()));
+  }
+}
+
 ShapePointer readMesh(const YamlValue& entry, const fs::path& file, std::vector<std::string>* notes) {
-  ObjectModel model = loadObject(besides(file, entry.require("mesh").text()), readMeshUnit(entry));
+  const auto unit = readMeshUnit(entry);
+  ObjectModel model =
+      readNamed(entry.require("mesh"), file, [&](const std::string& path) { return loadObject(path, unit); });
   for (const auto* texts : {&model.notes, &model.warnings}) {
     for (const std::string& text : *texts) addNote(notes, entry, text);
   }
@@ -82,7 +94,7 @@ TriangleMesh objectMesh(const YamlValue& name, const ObjectMeshes& objectMeshes)
 ShapePointer readPoints(const YamlValue& entry, const fs::path& file, std::vector<std::string>* notes) {
   const YamlValue& path = entry.require("points");
   const double radius = readSize(entry.require("radius"));
-  std::vector<Eigen::Vector3d> points = readPointCloud(besides(file, path.text()));
+  std::vector<Eigen::Vector3d> points = readNamed(path, file, readPointCloud);
   const std::size_t read = points.size();
   std::vector<Eigen::Vector3d> thinned = points;
   thinPoints(thinned, radius / 2);

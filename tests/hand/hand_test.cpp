@@ -445,8 +445,9 @@ TEST_F(LoadHand, RefusesGeometryWithoutSize) {
 // ---- Refusals: hand.yaml ---------------------------------------------------------------------------------------
 
 TEST_F(LoadHand, RefusesMissingRootLink) {
-  EXPECT_THAT(configRefusal("root_link: base", "root_link: wrist"),
-              StrEq("test.urdf: has no link wrist, want the link to begin at"));
+  EXPECT_THAT(
+      configRefusal("root_link: base", "root_link: wrist"),
+      StrEq("test.urdf: has no link wrist to begin at (root_link), want one of: base, distal, proximal, slider"));
 }
 
 TEST_F(LoadHand, RefusesUnknownIgnoredLink) {

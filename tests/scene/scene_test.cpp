@@ -169,9 +169,10 @@ TEST_F(SceneFile, RefusesANameTwice) {
 }
 
 TEST_F(SceneFile, RefusesFilesThatCannotBeUsed) {
-  EXPECT_THAT(obstacleRefusal("{name: a, mesh: gone.obj, unit: m}"), StartsWith("gone.obj: "));
+  EXPECT_THAT(obstacleRefusal("{name: a, mesh: gone.obj, unit: m}"),
+              StartsWith("scene.yaml:3: obstacles[0].mesh is \"gone.obj\": gone.obj: cannot be read"));
   EXPECT_EQ(obstacleRefusal("{name: a, points: gone.xyz, radius: 1}"),
-            "gone.xyz: cannot be read: No such file or directory");
+            "scene.yaml:3: obstacles[0].points is \"gone.xyz\": gone.xyz: cannot be read: No such file or directory");
   write("big.obj", test::objText(boxMesh({60, 60, 120})));
   EXPECT_THAT(obstacleRefusal("{name: a, mesh: big.obj}"), HasSubstr("want 0.005 to 2 m or a `unit:`"));
 }
