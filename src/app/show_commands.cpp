@@ -117,6 +117,7 @@ void printInfo(const GraspSetSummary& s) {
   fmt::print("  reference   ran {} of them, {:.2f} %\n", s.trialsByReference,
              share(s.trialsByReference, trialCount(s)));
   for (const auto& [name, count] : s.outcomes) {
+    if (count == 0 && name != "force_closed") continue;  // as in the table of sets
     fmt::print("    {:<18}{:>9}  {:5.1f} %\n", name, count, share(count, trialCount(s)));
   }
   fmt::print("  grasps      {} stored{}\n", s.grasps,

@@ -93,6 +93,8 @@ class Programs(unittest.TestCase):
         shown = run("info", self.db / "t_bar/jaw/v0001.h5").stdout
         self.assertRegex(shown, r"(?m)^    bounds +\d")
         self.assertNotIn("robustness", shown)  # the job does not ask for it
+        self.assertRegex(shown, r"(?m)^    force_closed +\d")
+        self.assertNotIn("not_run", shown)  # there are none
         self.assertGreater(info["best_load_margin"], 0)
         self.assertLessEqual(info["best_load_margin"], info["largest_load_margin"])
         self.assertEqual(info["load_margins"], min(200, info["grasps"]))
