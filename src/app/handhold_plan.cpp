@@ -40,10 +40,10 @@ void loadSceneOf(const Options& options, Planner& planner) {
   for (const std::string& note : planner.scene().notes) logInfo(fmt::format("{}: {}", options.scene, note));
 }
 
-std::string rankingTable(const Planner& planner, const Ranking& ranking, std::size_t top) {
+std::string rankingTable(const Planner& planner, const Ranking& ranking, const Options& options) {
   std::string text = fmt::format("{:>5} {:>6} {:>14}  {:<8} {:>8} {:>6} {:>6} {:>6}  {:<24}\n", "rank", "grasp",
                                  "trial", "arm", "score", "gq", "gb", "ge", "hand at [m]");
-  for (std::size_t i = 0; i < std::min(top, ranking.grasps.size()); ++i) {
+  for (std::size_t i = 0; i < std::min(options.top, ranking.grasps.size()); ++i) {
     const RankedGrasp& g = ranking.grasps[i];
     const Eigen::Vector3d& p = g.X_WH.translation();
     text += fmt::format("{:>5} {:>6} {:>14}  {:<8} {:>8.4f} {:>6.3f} {:>6.3f} {:>6.3f}  {:.3f} {:.3f} {:.3f}\n", i + 1,
@@ -51,6 +51,15 @@ std::string rankingTable(const Planner& planner, const Ranking& ranking, std::si
                         planner.robot().arms[g.score.arm].name, g.score.score, g.score.gq, g.score.gb, g.score.ge,
                         p.x(), p.y(), p.z());
   }
+  const bool isPaper = scoreOf(options.score) == ScoreKind::paper;
+  text += "  trial  sample, roll, preshape\n";
+  text += fmt::format("  gq     {}\n", options.calibrations.empty() ? "epsilon over the largest of the set"
+                                                                    : "the probability that the grasp holds");
+  text +=
+      fmt::format("  gb     {}\n", isPaper ? "cosine between the approach and the way from the shoulder to the object"
+                                           : "1: the arm reaches the grasp and a place before it, 0.5: the grasp");
+  text += fmt::format("  ge     {}\n", isPaper ? "clearance of the target point, 1: enough"
+                                               : "clearance of the hand on its way and of the arm, 1: enough");
   return text;
 }
 
@@ -61,7 +70,7 @@ int runRank(const Options& options) {
   if (options.format == "json") {
     fmt::print("{}\n", rankingJson(planner, ranking, options.top));
   } else {
-    fmt::print("{}{} grasps of {}, score {}{}\n", rankingTable(planner, ranking, options.top), ranking.grasps.size(),
+    fmt::print("{}{} grasps of {}, score {}{}\n", rankingTable(planner, ranking, options), ranking.grasps.size(),
                planner.scene().target, options.score,
                options.calibrations.empty() ? "" : fmt::format(", gq by {}", fmt::join(options.calibrations, ", ")));
   }

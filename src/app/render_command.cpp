@@ -48,6 +48,9 @@ GraspName parseGraspName(const std::string& text) {
 }
 
 int runRender(const std::string& set, const std::string& output) {
+  if (fs::path(output).extension() != ".png") {
+    throw InputError(fmt::format("render: --out {} is written as PNG, want a name that ends in .png", output));
+  }
   const std::vector<GraspName> requests = parseRequests(set);
   RenderSettings settings;
   if (requests.size() > 1) settings.width = 640, settings.height = 480;

@@ -123,6 +123,7 @@ std::string whyNotCalibrated(const std::vector<LabelledObject>& objects) {
   const std::size_t held = countHeld(all);
   if (held == all.size()) return fmt::format("all {} grasps held", all.size());
   if (held == 0) return fmt::format("none of {} grasps held", all.size());
+  if (objects.size() == 1) return fmt::format("{} is the only object, want two or more", objects[0].name);
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const GraspPointers others = graspsWithout(objects, i);
     const std::size_t ofOthers = countHeld(others);

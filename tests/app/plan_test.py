@@ -73,7 +73,8 @@ class OnlineProgram(unittest.TestCase):
             for key in "trial", "gq", "gb", "ge", "hand_pose", "arm":
                 self.assertIn(key, rows[0])
         table = self.with_panda("rank", "--top", "3").stdout.splitlines()
-        self.assertEqual(len(table), 5, table)
+        self.assertEqual(len(table), 9, table)
+        self.assertEqual([line.split()[0] for line in table[4:8]], ["trial", "gq", "gb", "ge"], table)
 
     def test_plan(self):
         out = self.folder / "plan.json"

@@ -322,6 +322,7 @@ class Programs(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(picture.read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
         self.assert_refused(run("render", f"{self.db / 't_bar/jaw/v0001.h5'}:100000", "--out", picture), "100000")
+        self.assert_refused(run("render", self.db / "t_bar/jaw/v0001.h5", "--out", self.folder / "a.jpg"), "a.jpg", ".png")
 
     def test_report(self):
         self.assertEqual(self.build(objects=("box.stl", "t_bar.ply")).returncode, 0)

@@ -75,7 +75,7 @@ TEST(Calibrate, AnObjectIsJudgedByTheOthers) {
 TEST(Calibrate, SaysWhyAModelWouldMeanNothing) {
   std::vector<LabelledObject> objects{drawnObject("a", 40), drawnObject("b", 40)};
   EXPECT_EQ(whyNotCalibrated(objects), "");
-  EXPECT_EQ(whyNotCalibrated({objects[0]}), "without a 0 of 0 grasps held, want 5 that did and 5 that did not");
+  EXPECT_EQ(whyNotCalibrated({objects[0]}), "a is the only object, want two or more");
   for (LabelledGrasp& grasp : objects[0].grasps) grasp.held = true;
   EXPECT_EQ(whyNotCalibrated(objects), "without b 40 of 40 grasps held, want 5 that did and 5 that did not");
   for (LabelledGrasp& grasp : objects[1].grasps) grasp.held = true;
