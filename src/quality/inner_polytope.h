@@ -13,7 +13,7 @@
 
 #include <Eigen/Core>
 
-// The guided double description that epsilon and its bounds on the true cone share; no other library includes it.
+// The guided double description of epsilon; no other library includes it.
 namespace handhold::polar {
 
 // A point sees a facet when it lies farther than this, times R, beyond the facet's plane. Rounding of n . p / |n| is
@@ -153,6 +153,26 @@ HANDHOLD_INLINE Lanes<W> lanesOf(const std::array<double, 8>& a) {
   return Lanes<W>::load(a.data());
 }
 
+/// The index of the least of n distances, the lowest among equals; kNone when all are infinite.
+template <int W>
+HANDHOLD_INLINE std::uint32_t nearestOf(const double* distances, std::uint32_t n) {
+  const Lanes<W> none = Lanes<W>::all(HUGE_VAL);
+  Lanes<W> best = none;
+  Lanes<W> bestBlock = Lanes<W>::all(0);
+  Lanes<W> block = bestBlock;
+  for (std::uint32_t i = 0; i < n; i += 8) {
+    const Lanes<W> distance = Lanes<W>::load(distances + i);
+    const auto nearer = best > distance;
+    best = select(nearer, distance, best);
+    bestBlock = select(nearer, block, bestBlock);
+    block = block + Lanes<W>::all(8);
+  }
+  const double distance = least(best);
+  if (!(distance < HUGE_VAL)) return kNone;
+  const auto isBest = best == Lanes<W>::all(distance);
+  return static_cast<std::uint32_t>(least(select(isBest, bestBlock + laneNumbers<W>(), none)));
+}
+
 template <int W>
 std::uint32_t InnerPolytope<W>::newFacet() {
   return nFree_ > 0 ? memory_.free[--nFree_] : memory_.nFacets++;
@@ -202,21 +222,7 @@ void InnerPolytope<W>::start(const Matrix6& basis, const Vector6& interiorPoint,
 
 template <int W>
 std::uint32_t InnerPolytope<W>::nearestFacet() const {
-  const Lanes<W> none = Lanes<W>::all(HUGE_VAL);
-  Lanes<W> best = none;
-  Lanes<W> bestBlock = Lanes<W>::all(0);
-  Lanes<W> block = bestBlock;
-  for (std::uint32_t i = 0; i < memory_.nFacets; i += 8) {
-    const Lanes<W> distance = Lanes<W>::load(memory_.distances.data() + i);
-    const auto nearer = best > distance;
-    best = select(nearer, distance, best);
-    bestBlock = select(nearer, block, bestBlock);
-    block = block + Lanes<W>::all(8);
-  }
-  const double distance = least(best);
-  if (!(distance < HUGE_VAL)) return kNone;
-  const auto isBest = best == Lanes<W>::all(distance);
-  return static_cast<std::uint32_t>(least(select(isBest, bestBlock + laneNumbers<W>(), none)));
+  return nearestOf<W>(memory_.distances.data(), memory_.nFacets);
 }
 
 /// How far the point lies beyond every facet's plane; of dead facets it means nothing.

@@ -168,4 +168,11 @@ HANDHOLD_INLINE double least(const Lanes<W>& a) {
   return folded<fold::Least>(a);
 }
 
+/// A bit for each lane where the mask holds.
+template <int W>
+HANDHOLD_INLINE unsigned bitsOf(const Mask<W>& mask) {
+  constexpr std::array<double, 8> kBits = {1, 2, 4, 8, 16, 32, 64, 128};
+  return static_cast<unsigned>(sum(select(mask, Lanes<W>::load(kBits.data()), Lanes<W>::all(0))));
+}
+
 }  // namespace handhold::lanes

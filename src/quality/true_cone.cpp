@@ -2,7 +2,7 @@
 
 #include "core/random.h"
 #include "quality/columns.h"
-#include "quality/inner_polytope.h"
+#include "quality/near_facets.h"
 #include "quality/phase1.h"
 #include "quality/polar.h"
 #include "quality/tangent_basis.h"
@@ -221,47 +221,45 @@ HANDHOLD_INLINE ForceClosure decide(const ContactCones& cones, int firstAttempt,
 }
 
 /// Grows the simplex of the verdict until its nearest facet is within kBoundsGap of the least h(d) / |d| found; false
-/// when rounding stopped it. A try after the first moves every new point by up to kShift R.
+/// when rounding stopped it. Every point is moved by up to kShift R, in each attempt elsewhere.
 template <int W>
-HANDHOLD_INLINE bool expand(const ContactCones& cones, const Search<W>& start, int attempt, polar::Memory& memory,
+HANDHOLD_INLINE bool expand(const ContactCones& cones, const Search<W>& start, int attempt, polar::NearMemory& memory,
                             EpsilonBounds& bounds) {
-  polar::Matrix6 basis;
-  for (int k = 0; k < 6; ++k) basis.col(k) = polar::vectorOf(start.phase.columns[k]);
-  const double planeTolerance = attempt == 0 ? polar::kPlaneTolerance : polar::kShiftedPlaneTolerance;
-  const double shift = attempt == 0 ? 0 : polar::kShift * cones.radius;
   const RandomStream stream(static_cast<std::uint64_t>(attempt));
-  polar::InnerPolytope<W> polytope(memory, cones.radius, planeTolerance);
-  memory.reserveVertices(7);
-  polytope.start(basis, polar::vectorOf(start.w0), {0, 1, 2, 3, 4, 5, 6});
+  const double shift = polar::kShift * cones.radius;
+  const auto shifted = [&](int vertex, Array8 v) {
+    for (int k = 0; k < 6; ++k) v[k] += shift * (2 * stream.uniform(6 * vertex + k) - 1);
+    return v;
+  };
+  polar::Matrix6 basis;
+  for (int k = 0; k < 6; ++k) basis.col(k) = polar::vectorOf(shifted(k, start.phase.columns[k]));
+  polar::NearFacets<W> polytope(memory, cones.radius);
+  polytope.start(basis, polar::vectorOf(shifted(6, start.w0)));
   double upper = HUGE_VAL;
-  for (int vertex = 7; vertex < polar::kVertexLimit; ++vertex) {
-    const std::uint32_t nearest = polytope.nearestFacet();
+  while (true) {
+    const std::uint32_t nearest = polytope.nearest();
     if (nearest == polar::kNone) return false;
-    const polar::Facet& facet = memory.facets[nearest];
-    const double norm = memory.norms[nearest], lower = memory.distances[nearest];
+    const polar::NearFacet& facet = memory.facets[nearest];
+    const double lower = memory.distances[nearest], norm = memory.norms[nearest];
     const Reach reach = farthest<W>(cones, facet.normal.data());
     if (reach.contact < 0) return false;
     upper = std::min(upper, reach.value / norm);
     const double tolerance = kEpsilonTolerance * cones.radius;
     if (!(lower <= upper + tolerance)) return false;  // rounding: (8) does not hold
-    const bool isOnPlane = reach.value - facet.normal[6] - 1 <= polytope.planeTolerance() * norm;
+    const bool isOnPlane = reach.value - facet.normal[6] - 1 <= tolerance * norm;
     if (isOnPlane || upper - lower <= kBoundsGap * upper) {
       bounds.lower = std::min(lower, upper);
       bounds.upper = upper;
-      bounds.facets = static_cast<int>(memory.nFacets);
+      bounds.facets = polytope.nBuilt();
       return lower > 0 && polytope.planesHold();
     }
-    Array8 p = pointOf(cones, reach.contact, reach.offset);
-    for (int k = 0; shift > 0 && k < 6; ++k) p[k] += shift * (2 * stream.uniform(6 * vertex + k) - 1);
-    memory.reserveVertices(static_cast<std::size_t>(vertex) + 1);
-    polytope.setPoint(vertex, p.data());
-    if (!polytope.insert(vertex, nearest)) return false;
+    const Array8 p = shifted(polytope.nVertices(), pointOf(cones, reach.contact, reach.offset));
+    if (!polytope.insert(p.data(), upper + tolerance)) return false;
   }
-  return false;
 }
 
-polar::Memory& threadMemory() {
-  thread_local polar::Memory memory;
+polar::NearMemory& threadMemory() {
+  thread_local polar::NearMemory memory;
   return memory;
 }
 
@@ -273,7 +271,7 @@ HANDHOLD_INLINE void answer(const ContactCones& cones, ForceClosure& verdict) {
 
 template <int W>
 HANDHOLD_INLINE void answer(const ContactCones& cones, EpsilonBounds& bounds) {
-  polar::Memory& memory = threadMemory();
+  polar::NearMemory& memory = threadMemory();
   Search<W> search;
   for (int attempt = 0; attempt < polar::kTries; ++attempt) {
     const ForceClosure verdict = decide<W>(cones, attempt, search);
