@@ -42,7 +42,7 @@ HANDHOLD_INLINE double expand(Scratch& scratch, const WrenchView& wrenches, cons
   const int n = static_cast<int>(wrenches.cols());
   polar::Memory& memory = scratch.polytope;
   const Columns columns = polar::packColumns(wrenches, scratch.columnBlocks);
-  memory.reserveVertices(static_cast<std::size_t>(n) + 1);
+  memory.vertices.reserve(static_cast<std::size_t>(n) + 1);
   scratch.isVertex.assign(n, 0);
   std::array<int, 7> vertices;
   for (int k = 0; k < 6; ++k) scratch.isVertex[vertices[k] = closure.basis[k]] = 1;

@@ -49,22 +49,78 @@ static_assert(sizeof(Facet) == 128);
 /// The normals of eight facets, coordinate by coordinate.
 struct alignas(64) NormalBlock : std::array<std::array<double, 8>, 6> {};
 
-/// Half of a pair of new facets that share p and four other vertices.
-struct HalfLink {
-  std::uint64_t key = 0;  // sum of the codes of the four vertices
-  std::uint32_t pass = 0;
-  Place place = kNone;
+/// Finds the pairs of new facets that share p and four other vertices. Open addressing.
+class RidgeTable {
+ public:
+  /// Forgets all pairs; about `nSlots` places, of which few should be taken: a collision costs a misprediction.
+  void begin(std::size_t nSlots) {
+    const std::size_t size = std::bit_ceil(nSlots);
+    if (halves_.size() < size) halves_.assign(size, {});
+    mask_ = size - 1;
+    if (++pass_ == 0) {  // once in 2^32 passes old marks could look new
+      for (Half& half : halves_) half.pass = 0;
+      pass_ = 1;
+    }
+  }
+
+  /// The other facet's place of the ridge; the facet's own when it is the first, kNone when it is a third. Two ridges
+  /// of one key, were it ever to happen, make a third one too. `key`: the sum of the codes of the four vertices.
+  HANDHOLD_INLINE Place join(std::uint64_t key, Place place) {
+    std::size_t slot = key & mask_;
+    while (halves_[slot].pass == pass_ && halves_[slot].key != key) slot = (slot + 1) & mask_;
+    Half& half = halves_[slot];
+    const bool isSecond = half.pass == pass_;
+    const Place other = isSecond ? half.place : place;
+    half = {key, pass_, isSecond ? kNone : place};
+    return other;
+  }
+
+ private:
+  struct Half {
+    std::uint64_t key = 0;
+    std::uint32_t pass = 0;
+    Place place = kNone;
+  };
+  std::vector<Half> halves_;
+  std::size_t mask_ = 0;
+  std::uint32_t pass_ = 0;
 };
 
 /// v - c, or p - c, and two zeros.
 struct alignas(64) Point : std::array<double, 8> {};
+
+struct Vertices {
+  void reserve(std::size_t nVertices);
+
+  std::vector<Point> points;
+  std::vector<std::uint64_t> codes;  // 64 random bits each
+};
+
+inline void Vertices::reserve(std::size_t nVertices) {
+  const RandomStream stream(0);
+  while (codes.size() < nVertices) {
+    codes.push_back(stream.bits(codes.size()));
+    points.push_back({});
+  }
+}
+
+/// The largest |n . v - 1| of a facet's vertices.
+template <int W>
+HANDHOLD_INLINE double planeError(const std::array<double, 8>& normal, const std::array<std::uint16_t, 6>& vertices,
+                                  const std::vector<Point>& points) {
+  const Lanes<W> n = Lanes<W>::load(normal.data());
+  double worst = 0;
+  for (const std::uint16_t vertex : vertices) {
+    worst = std::max(worst, std::abs(sum(n * Lanes<W>::load(points[vertex].data())) - 1));
+  }
+  return worst;
+}
 
 /// The memory of an inner polytope, kept between calls. Branches that no processor could foresee (is a neighbour seen,
 /// is a pair complete) are written as arithmetic: lists have room for one more than they hold, and an entry that is not
 /// wanted is written over by the next.
 struct Memory {
   void reserve(std::size_t nFacetsWanted);
-  void reserveVertices(std::size_t nVertices);
 
   std::vector<Facet> facets;
   std::vector<NormalBlock> normals;
@@ -75,11 +131,10 @@ struct Memory {
   std::vector<double> distances;      // of the planes from the origin; infinite when dead
   std::vector<std::uint32_t> free;
   std::vector<std::uint32_t> seen;
-  std::vector<Place> horizon;        // the seen sides
-  std::vector<HalfLink> links;       // open addressing, a power of two
-  std::vector<Point> points;         // of the vertices
-  std::vector<std::uint64_t> codes;  // of the vertices, 64 random bits each
-  std::uint32_t nFacets = 0;         // with the free ones
+  std::vector<Place> horizon;  // the seen sides
+  RidgeTable ridges;
+  Vertices vertices;
+  std::uint32_t nFacets = 0;  // with the free ones
   std::uint32_t pass = 0;
 };
 
@@ -97,15 +152,6 @@ inline void Memory::reserve(std::size_t nFacetsWanted) {
   free.resize(size);
   seen.resize(size + 1);
   horizon.resize(6 * size + 1);
-}
-
-/// Room for so many vertices.
-inline void Memory::reserveVertices(std::size_t nVertices) {
-  const RandomStream stream(0);
-  while (codes.size() < nVertices) {
-    codes.push_back(stream.bits(codes.size()));
-    points.push_back({});
-  }
 }
 
 /// An inner polytope by vectors of W doubles: start, then insert the points that its user finds beyond its facets.
@@ -134,7 +180,6 @@ class InnerPolytope {
   HANDHOLD_INLINE void collectSeen(std::uint32_t first);
   HANDHOLD_INLINE bool coverRidge(Place ridge, int vertex);
   HANDHOLD_INLINE bool link(std::uint64_t key, Place place);
-  HANDHOLD_INLINE void prepareLinks();
   HANDHOLD_INLINE std::uint32_t newFacet();
 
   Point center_ = {};  // c
@@ -144,7 +189,6 @@ class InnerPolytope {
   std::size_t nFree_ = 0;
   std::size_t nSeen_ = 0;
   std::size_t nHorizon_ = 0;
-  std::size_t linkMask_ = 0;
   int unpaired_ = 0;
 };
 
@@ -180,7 +224,7 @@ std::uint32_t InnerPolytope<W>::newFacet() {
 
 template <int W>
 void InnerPolytope<W>::setPoint(int vertex, const double* v) {
-  for (int k = 0; k < 6; ++k) memory_.points[vertex][k] = v[k] - center_[k];
+  for (int k = 0; k < 6; ++k) memory_.vertices.points[vertex][k] = v[k] - center_[k];
 }
 
 /// |n|, and the distance (1 + n . c) / |n|.
@@ -270,19 +314,13 @@ void InnerPolytope<W>::collectSeen(std::uint32_t first) {
 }
 
 /// Joins two new facets across the ridge of p and the four vertices in `key`; false when a third one has that ridge.
-/// Two ridges of one key, were it ever to happen, make a third one too.
 template <int W>
 bool InnerPolytope<W>::link(std::uint64_t key, Place place) {
-  std::size_t slot = key & linkMask_;
-  while (memory_.links[slot].pass == memory_.pass && memory_.links[slot].key != key) slot = (slot + 1) & linkMask_;
-  HalfLink& half = memory_.links[slot];
-  const bool isSecond = half.pass == memory_.pass;
-  const Place other = isSecond ? half.place : place;  // the first waits beside itself
+  const Place other = memory_.ridges.join(key, place);  // the first waits beside itself
   if (other == kNone) return false;
   memory_.facets[facetOf(place)].neighbours[sideOf(place)] = other;
   memory_.facets[facetOf(other)].neighbours[sideOf(other)] = place;
-  half = {key, memory_.pass, isSecond ? kNone : place};
-  unpaired_ += isSecond ? -1 : 1;
+  unpaired_ += other == place ? 1 : -1;
   return true;
 }
 
@@ -312,32 +350,24 @@ bool InnerPolytope<W>::coverRidge(Place ridge, int vertex) {
   facet.neighbours[5] = hiddenPlace;
   hidden.neighbours[sideOf(hiddenPlace)] = placeOf(index, 5);
   std::uint64_t ridgeCode = 0;
-  for (int side = 0; side < 5; ++side) ridgeCode += memory_.codes[facet.vertices[side]];
+  for (int side = 0; side < 5; ++side) ridgeCode += memory_.vertices.codes[facet.vertices[side]];
   for (int side = 0; side < 5; ++side) {
-    if (!link(ridgeCode - memory_.codes[facet.vertices[side]], placeOf(index, side))) return false;
+    if (!link(ridgeCode - memory_.vertices.codes[facet.vertices[side]], placeOf(index, side))) return false;
   }
   return true;
 }
 
 template <int W>
-void InnerPolytope<W>::prepareLinks() {
-  // A ridge of the horizon brings 2.5 keys; a sparse table has few collisions, each of which costs a misprediction.
-  const std::size_t slots = std::bit_ceil(std::max<std::size_t>(2048, 32 * nHorizon_));
-  if (memory_.links.size() < slots) memory_.links.assign(slots, {});
-  linkMask_ = slots - 1;
-  unpaired_ = 0;
-}
-
-template <int W>
 bool InnerPolytope<W>::insert(int vertex, std::uint32_t first) {
   if (++memory_.pass == 0) {  // once in 2^32 passes old marks could look new
-    for (HalfLink& half : memory_.links) half.pass = 0;
     std::fill(memory_.passes.begin(), memory_.passes.end(), 0);
     memory_.pass = 1;
   }
-  measureHeights(memory_.points[vertex]);
+  measureHeights(memory_.vertices.points[vertex]);
   collectSeen(first);
-  prepareLinks();
+  // A ridge of the horizon brings 2.5 keys.
+  memory_.ridges.begin(std::max<std::size_t>(2048, 32 * nHorizon_));
+  unpaired_ = 0;
   if (memory_.nFacets + nHorizon_ > kFacetLimit) return false;
   memory_.reserve(memory_.nFacets + nHorizon_);  // references stay valid while ridges are covered
   for (std::size_t i = 0; i < nHorizon_; ++i) {
@@ -357,11 +387,7 @@ bool InnerPolytope<W>::planesHold() const {
   for (std::uint32_t i = 0; i < memory_.nFacets; ++i) {
     const Facet& facet = memory_.facets[i];
     if (!facet.alive) continue;
-    const Lanes<W> n = lanesOf<W>(facet.normal);
-    double worst = 0;
-    for (const std::uint16_t vertex : facet.vertices) {
-      worst = std::max(worst, std::abs(sum(n * lanesOf<W>(memory_.points[vertex])) - 1));
-    }
+    const double worst = planeError<W>(facet.normal, facet.vertices, memory_.vertices.points);
     if (!(worst <= 0.1 * epsilonTolerance_ * memory_.norms[i])) return false;
   }
   return true;

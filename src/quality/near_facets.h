@@ -15,6 +15,7 @@
 // The double description of what is near the origin, for the bounds on the true cone; no other library includes it.
 namespace handhold::polar {
 
+// Beyond it, 150 MB of facets, a set is not from a grasp.
 inline constexpr std::size_t kNearFacetLimit = std::size_t{1} << 18;
 
 /// A facet of the inner polytope: a vertex n of the polar about the centre c, with n . (v - c) = 1 at its six vertices
@@ -31,7 +32,6 @@ struct alignas(64) NearFacet {
 /// The memory of near facets, kept between calls.
 struct NearMemory {
   void reserve(std::size_t nFacetsWanted);
-  void reserveVertices(std::size_t nVertices);
 
   std::vector<NearFacet> facets;
   std::vector<NormalBlock> normals;
@@ -39,11 +39,9 @@ struct NearMemory {
   std::vector<double> beyond;     // n . (p - c) - 1 for the last point p; > 0: it sees the facet
   std::vector<double> distances;  // of the planes from the origin; infinite when there is no such facet
   std::vector<std::uint32_t> free, present;
-  std::vector<HalfLink> links;       // open addressing, a power of two
-  std::vector<Point> points;         // v - c of the vertices
-  std::vector<std::uint64_t> codes;  // of the vertices, 64 random bits each
-  std::uint32_t nFacets = 0;         // with the free ones
-  std::uint32_t pass = 0;
+  RidgeTable ridges;
+  Vertices vertices;
+  std::uint32_t nFacets = 0;  // with the free ones
 };
 
 /// Room for so many facets.
@@ -57,15 +55,6 @@ inline void NearMemory::reserve(std::size_t nFacetsWanted) {
   distances.resize(size, HUGE_VAL);
   free.resize(size);
   present.resize(size + 1);
-}
-
-/// Room for so many vertices.
-inline void NearMemory::reserveVertices(std::size_t nVertices) {
-  const RandomStream stream(0);
-  while (codes.size() < nVertices) {
-    codes.push_back(stream.bits(codes.size()));
-    points.push_back({});
-  }
 }
 
 /// The facets of an inner polytope that are no farther from the origin than a bound which never grows, by vectors of W
@@ -90,15 +79,18 @@ class NearFacets {
   int nBuilt() const { return nBuilt_; }
 
  private:
+  /// A bit for each edge whose other end is not forgotten, and for those of them where it does not see the new point.
+  struct Ends {
+    unsigned known = 0, hidden = 0;
+  };
+
   HANDHOLD_INLINE int addVertex(const double* v);
   HANDHOLD_INLINE void measure(std::uint32_t index);
   HANDHOLD_INLINE std::size_t forget(double bound);
   HANDHOLD_INLINE void measureHeights(const Point& p);
-  HANDHOLD_INLINE unsigned knownEnds(std::uint32_t from) const;
-  HANDHOLD_INLINE unsigned edgesToCut(std::uint32_t from) const;
-  HANDHOLD_INLINE bool cutEdges(std::uint32_t from, unsigned wanted, int vertex, double bound);
+  HANDHOLD_INLINE Ends endsOf(std::uint32_t from) const;
+  HANDHOLD_INLINE bool cutEdges(std::uint32_t from, int vertex, double bound);
   HANDHOLD_INLINE bool link(std::uint64_t key, Place place);
-  HANDHOLD_INLINE void prepareLinks(std::size_t nPresent);
   HANDHOLD_INLINE std::uint32_t newFacet();
   HANDHOLD_INLINE void drop(std::uint32_t index);
 
@@ -125,8 +117,8 @@ void NearFacets<W>::drop(std::uint32_t index) {
 
 template <int W>
 int NearFacets<W>::addVertex(const double* v) {
-  memory_.reserveVertices(static_cast<std::size_t>(nVertices_) + 1);
-  for (int i = 0; i < 6; ++i) memory_.points[nVertices_][i] = v[i] - center_[i];
+  memory_.vertices.reserve(static_cast<std::size_t>(nVertices_) + 1);
+  for (int i = 0; i < 6; ++i) memory_.vertices.points[nVertices_][i] = v[i] - center_[i];
   return nVertices_++;
 }
 
@@ -164,7 +156,7 @@ void NearFacets<W>::start(const Matrix6& basis, const Vector6& interiorPoint) {
       for (int i = 0; i < 6; ++i) facet.edges[i][side] = edge[i];
       facet.edges[6][side] = edge.dot(center);
       facet.vertices[side] = static_cast<std::uint16_t>(j);
-      facet.key += memory_.codes[j];
+      facet.key += memory_.vertices.codes[j];
       facet.neighbours[side++] = placeOf(static_cast<std::uint32_t>(j), k < j ? k : k - 1);
     }
     measure(index);
@@ -202,31 +194,16 @@ void NearFacets<W>::measureHeights(const Point& p) {
   }
 }
 
-/// Joins two new facets across the ridge of p and the four vertices in `key`; false when a third one has that ridge.
-/// Two ridges of one key, were it ever to happen, make a third one too. A ridge that stays alone has its other end
-/// among what is forgotten.
+/// Joins two new facets across the ridge of p and the four vertices in `key`; false when a third one has that ridge. A
+/// ridge that stays alone has its other end among what is forgotten.
 template <int W>
 bool NearFacets<W>::link(std::uint64_t key, Place place) {
-  std::size_t slot = key & linkMask_;
-  while (memory_.links[slot].pass == memory_.pass && memory_.links[slot].key != key) slot = (slot + 1) & linkMask_;
-  HalfLink& half = memory_.links[slot];
-  if (half.pass != memory_.pass) {
-    half = {key, memory_.pass, place};
-    return true;
-  }
-  if (half.place == kNone) return false;
-  memory_.facets[facetOf(place)].neighbours[sideOf(place)] = half.place;
-  memory_.facets[facetOf(half.place)].neighbours[sideOf(half.place)] = place;
-  half.place = kNone;
+  const Place other = memory_.ridges.join(key, place);
+  if (other == kNone) return false;
+  if (other == place) return true;
+  memory_.facets[facetOf(place)].neighbours[sideOf(place)] = other;
+  memory_.facets[facetOf(other)].neighbours[sideOf(other)] = place;
   return true;
-}
-
-/// A bit for each side whose neighbour is not forgotten.
-template <int W>
-unsigned NearFacets<W>::knownEnds(std::uint32_t from) const {
-  unsigned known = 0;
-  for (int k = 0; k < 6; ++k) known |= static_cast<unsigned>(memory_.facets[from].neighbours[k] != kNone) << k;
-  return known;
 }
 
 /// a |a|, which compares as a does.
@@ -235,26 +212,29 @@ HANDHOLD_INLINE Lanes<W> squared(const Lanes<W>& a) {
   return a * larger(a, Lanes<W>::all(0) - a);
 }
 
-/// A bit for each side whose edge may meet the new plane: to a hidden neighbour, or to a forgotten one.
 template <int W>
-unsigned NearFacets<W>::edgesToCut(std::uint32_t from) const {
+auto NearFacets<W>::endsOf(std::uint32_t from) const -> Ends {
   const std::array<Place, 6>& neighbours = memory_.facets[from].neighbours;
-  const bool isSeen = memory_.beyond[from] > 0;
-  unsigned wanted = 0;
+  Ends ends;
   for (int k = 0; k < 6; ++k) {
-    const bool isForgotten = neighbours[k] == kNone;
-    const bool isHidden = memory_.beyond[isForgotten ? from : facetOf(neighbours[k])] <= 0;
-    wanted |= static_cast<unsigned>(isForgotten | (isSeen & isHidden)) << k;
+    const bool isKnown = neighbours[k] != kNone;
+    const bool isHidden = memory_.beyond[isKnown ? facetOf(neighbours[k]) : from] <= 0;
+    ends.known |= static_cast<unsigned>(isKnown) << k;
+    ends.hidden |= static_cast<unsigned>(isKnown & isHidden) << k;
   }
-  return wanted;
+  return ends;
 }
 
 /// Makes the facets through the new point and a ridge of one facet that are near, equation (12b).
 template <int W>
-bool NearFacets<W>::cutEdges(std::uint32_t from, unsigned wanted, int vertex, double bound) {
-  const NearFacet& facet = memory_.facets[from];
-  const Point& p = memory_.points[vertex];
+bool NearFacets<W>::cutEdges(std::uint32_t from, int vertex, double bound) {
+  constexpr unsigned kAllEdges = 63;
   const bool isSeen = memory_.beyond[from] > 0;
+  const auto [known, hidden] = endsOf(from);
+  const unsigned wanted = (kAllEdges & ~known) | (isSeen ? hidden : 0);  // that may meet the new plane
+  if (wanted == 0) return true;
+  const NearFacet& facet = memory_.facets[from];
+  const Point& p = memory_.vertices.points[vertex];
   std::array<Lanes<W>, 7> edge, normal;
   // Unrolled, so that these live in registers.
 #pragma GCC unroll 7
@@ -278,7 +258,6 @@ bool NearFacets<W>::cutEdges(std::uint32_t from, unsigned wanted, int vertex, do
                          (normal[4] * edge[4] + normal[5] * edge[5]);
   const unsigned meeting = bitsOf(isSeen ? Lanes<W>::all(0) > slope : slope > Lanes<W>::all(0));
   const unsigned before = bitsOf(squared(edge[6]) * square > squared(along) * (bound * bound));
-  const unsigned known = knownEnds(from);
   if ((near & known & ~meeting) != 0) return false;  // rounding
   near &= known | (meeting & before);
   if (near == 0) return true;
@@ -303,43 +282,31 @@ bool NearFacets<W>::cutEdges(std::uint32_t from, unsigned wanted, int vertex, do
     }
     made.vertices = facet.vertices;
     made.vertices[k] = static_cast<std::uint16_t>(vertex);
-    const std::uint64_t ridge = facet.key - memory_.codes[facet.vertices[k]];
-    made.key = ridge + memory_.codes[vertex];
+    const std::uint64_t ridge = facet.key - memory_.vertices.codes[facet.vertices[k]];
+    made.key = ridge + memory_.vertices.codes[vertex];
     made.neighbours.fill(kNone);
     const Place behind = isSeen ? place : placeOf(from, k);
     made.neighbours[k] = behind;
     if (behind != kNone) memory_.facets[facetOf(behind)].neighbours[sideOf(behind)] = placeOf(index, k);
     measure(index);
     for (int side = 0; side < 6; ++side) {
-      if (side != k && !link(ridge - memory_.codes[made.vertices[side]], placeOf(index, side))) return false;
+      if (side != k && !link(ridge - memory_.vertices.codes[made.vertices[side]], placeOf(index, side))) return false;
     }
   }
   return true;
 }
 
 template <int W>
-void NearFacets<W>::prepareLinks(std::size_t nPresent) {
-  const std::size_t slots = std::bit_ceil(std::max<std::size_t>(1024, 64 * nPresent));
-  if (memory_.links.size() < slots) memory_.links.assign(slots, {});
-  linkMask_ = slots - 1;
-}
-
-template <int W>
 bool NearFacets<W>::insert(const double* v, double bound) {
   if (nVertices_ >= kVertexLimit) return false;
-  if (++memory_.pass == 0) {  // once in 2^32 passes old marks could look new
-    for (HalfLink& half : memory_.links) half.pass = 0;
-    memory_.pass = 1;
-  }
   const int vertex = addVertex(v);
   const std::size_t nPresent = forget(bound);
   if (memory_.nFacets + 6 * nPresent > kNearFacetLimit) return false;
   memory_.reserve(memory_.nFacets + 6 * nPresent);  // references stay valid while edges are cut
-  prepareLinks(nPresent);
-  measureHeights(memory_.points[vertex]);
+  memory_.ridges.begin(std::max<std::size_t>(1024, 64 * nPresent));
+  measureHeights(memory_.vertices.points[vertex]);
   for (std::size_t i = 0; i < nPresent; ++i) {
-    const unsigned wanted = edgesToCut(memory_.present[i]);
-    if (wanted != 0 && !cutEdges(memory_.present[i], wanted, vertex, bound)) return false;
+    if (!cutEdges(memory_.present[i], vertex, bound)) return false;
   }
   for (std::size_t i = 0; i < nPresent; ++i) {
     if (memory_.beyond[memory_.present[i]] > 0) drop(memory_.present[i]);
@@ -352,12 +319,7 @@ bool NearFacets<W>::planesHold() const {
   for (std::uint32_t index = 0; index < memory_.nFacets; ++index) {
     if (memory_.distances[index] == HUGE_VAL) continue;
     const NearFacet& facet = memory_.facets[index];
-    double worst = 0;
-    for (const std::uint16_t vertex : facet.vertices) {
-      double height = -1;
-      for (int i = 0; i < 6; ++i) height += facet.normal[i] * memory_.points[vertex][i];
-      worst = std::max(worst, std::abs(height));
-    }
+    const double worst = planeError<W>(facet.normal, facet.vertices, memory_.vertices.points);
     if (!(worst <= 0.1 * kEpsilonTolerance * radius_ * memory_.norms[index])) return false;
   }
   return true;

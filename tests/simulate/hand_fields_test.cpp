@@ -63,6 +63,12 @@ Vector3d pointIn(const Lattice<T>& lattice, const RandomStream& stream) {
   return p;
 }
 
+/// The centre of a block of points that p is one of: anywhere in its reach.
+Vector3d blockCenter(const Vector3d& p, const RandomStream& stream) {
+  const Vector3d way(stream.normal(4), stream.normal(5), stream.normal(6));
+  return p + stream.uniform(20) * ObjectShell::kBlockRadius * way.normalized();
+}
+
 /// Is z in one of the column's intervals?
 bool isCovered(const ColumnField& field, std::size_t node, double z) {
   for (const Lattice<std::int32_t>& lattice : field.interval) {
@@ -88,9 +94,7 @@ void expectColumnsHold(const TabledHand& tabled) {
       inside += isInside ? 1 : 0;
       if (isInside) {
         ASSERT_TRUE(isCovered(fields.fine, node, p.z())) << "preshape " << preshape << ", " << p.transpose();
-        // A block of points about any centre in reach.
-        const Vector3d way(stream.normal(4), stream.normal(5), stream.normal(6));
-        const Vector3d center = p + stream.uniform(20) * ObjectShell::kBlockRadius * way.normalized();
+        const Vector3d center = blockCenter(p, stream);
         const std::size_t of = nodeOf(fields.coarse.interval[0], {center.x(), center.y(), 0});
         ASSERT_TRUE(isCovered(fields.coarse, of, center.z())) << "preshape " << preshape << ", " << p.transpose();
       }
@@ -144,9 +148,8 @@ void expectFirstTouchesHold(const TabledHand& tabled) {
           const auto span = touchedBetween(tabled, motion, q, p);
           if (!span) continue;
           ++touched;
-          const Vector3d way(stream.normal(4), stream.normal(5), stream.normal(6));
-          const Vector3d center = p + stream.uniform(20) * ObjectShell::kBlockRadius * way.normalized();
-          for (const std::uint32_t cell : {fine.value[nodeOf(fine, p)], coarse.value[nodeOf(coarse, center)]}) {
+          const std::size_t ofBlock = nodeOf(coarse, blockCenter(p, stream));
+          for (const std::uint32_t cell : {fine.value[nodeOf(fine, p)], coarse.value[ofBlock]}) {
             ASSERT_LE((cell & 0xFFFF) * unit, span->first + 1e-9) << "motion " << index << ", " << p.transpose();
             ASSERT_GE((cell >> 16) * unit, span->second - 1e-9) << "motion " << index << ", " << p.transpose();
           }
