@@ -9,10 +9,12 @@
 #include "bench/clp_margin.h"
 #include "bench/grasp_like_contacts.h"
 #include "bench/timings.h"
+#include "core/error.h"
 #include "quality/columns.h"
 #include "quality/force_closure.h"
 #include "quality/references.h"
 #include "quality/true_cone.h"
+#include "store/database.h"
 #include "support/random_contacts.h"
 
 #include <algorithm>
@@ -386,6 +388,10 @@ int run(int argc, char** argv) {
       fmt::print(stderr, "usage: bench_quality [--json] [--quick] [--database DIR]\n");
       return 2;
     }
+  }
+  if (!database.empty()) {  // said now, not after minutes
+    Database(database).requireFolder();
+    if (Database(database).files().empty()) throw InputError(database + ": holds no set, want a built database");
   }
   ordered_json report = {{"machine", machine(sizes)}, {"results", ordered_json::array()}};
   for (const Family& family : kFamilies) {
