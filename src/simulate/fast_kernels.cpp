@@ -57,6 +57,24 @@ HWY_INLINE V3 move(const Placement& X, const V3& a) {
           hn::Add(b.z, hn::Set(d, X.translation[2]))};
 }
 
+/// A placement as loops need it: a copy, as Frame is.
+struct Transform {
+  V3 row[3];
+  V3 translation;
+
+  HWY_INLINE explicit Transform(const Placement& X) {
+    const D d;
+    const auto& r = X.rotation;
+    for (int i = 0; i < 3; ++i) row[i] = {hn::Set(d, r[3 * i]), hn::Set(d, r[3 * i + 1]), hn::Set(d, r[3 * i + 2])};
+    translation = {hn::Set(d, X.translation[0]), hn::Set(d, X.translation[1]), hn::Set(d, X.translation[2])};
+  }
+
+  HWY_INLINE V3 operator()(const V3& a) const {
+    return {hn::Add(dot(row[0], a), translation.x), hn::Add(dot(row[1], a), translation.y),
+            hn::Add(dot(row[2], a), translation.z)};
+  }
+};
+
 HWY_INLINE V3 load(const float* x, const float* y, const float* z) {
   const D d;
   return {hn::LoadU(d, x), hn::LoadU(d, y), hn::LoadU(d, z)};
@@ -70,31 +88,43 @@ HWY_INLINE V3 gather(const Arrays& arrays, int k, VI at) {
           hn::GatherIndex(d, arrays[k + 2].data(), at)};
 }
 
+/// A lattice as loops need it: a copy, which what they store cannot change, so that nothing is loaded or worked out
+/// again each time.
+struct Frame {
+  V inverse;  // 1 / step
+  V3 origin;
+  V3 size;
+  VI row, layer;  // nodes in each
+
+  template <class T>
+  HWY_INLINE static Frame of(const Lattice<T>& lattice) {
+    const D d;
+    const DI di;
+    const auto size = [&](int axis) { return hn::Set(d, static_cast<float>(lattice.size[axis])); };
+    return {hn::Set(d, 1.0F / lattice.step),
+            {hn::Set(d, lattice.origin.x()), hn::Set(d, lattice.origin.y()), hn::Set(d, lattice.origin.z())},
+            {size(0), size(1), size(2)},
+            hn::Set(di, lattice.size[0]),
+            hn::Set(di, lattice.size[1])};
+  }
+
+  HWY_INLINE VI index(VI x, VI y, VI z) const { return hn::Add(hn::Mul(hn::Add(hn::Mul(z, layer), y), row), x); }
+};
+
 /// Coordinates in lattice steps.
-template <class T>
-HWY_INLINE V3 inSteps(const Lattice<T>& lattice, const V3& p) {
-  const D d;
-  const V inverse = hn::Set(d, 1.0F / lattice.step);
-  return {hn::Mul(hn::Sub(p.x, hn::Set(d, lattice.origin.x())), inverse),
-          hn::Mul(hn::Sub(p.y, hn::Set(d, lattice.origin.y())), inverse),
-          hn::Mul(hn::Sub(p.z, hn::Set(d, lattice.origin.z())), inverse)};
-}
+HWY_INLINE V3 inSteps(const Frame& lattice, const V3& p) { return scaled(p - lattice.origin, lattice.inverse); }
 
 /// The nearest node's index, and whether the point's cell is one of the lattice.
-template <class T>
-HWY_INLINE VI nearestNode(const Lattice<T>& lattice, const V3& p, M& inside) {
+HWY_INLINE VI nearestNode(const Frame& lattice, const V3& p, M& inside) {
   const D d;
   const DI di;
   const V3 u = inSteps(lattice, p);
   const auto half = hn::Set(d, 0.5F);
-  const auto in = [&](V a, int size) {
-    const V b = hn::Add(a, half);
-    return hn::And(hn::Ge(b, hn::Zero(d)), hn::Lt(b, hn::Set(d, static_cast<float>(size))));
-  };
-  inside = hn::And(in(u.x, lattice.size[0]), hn::And(in(u.y, lattice.size[1]), in(u.z, lattice.size[2])));
-  const auto node = [&](V a) { return hn::ConvertTo(di, hn::IfThenElseZero(inside, hn::Add(a, half))); };
-  const VI row = hn::Add(hn::Mul(node(u.z), hn::Set(di, lattice.size[1])), node(u.y));
-  return hn::Add(hn::Mul(row, hn::Set(di, lattice.size[0])), node(u.x));
+  const V3 b = {hn::Add(u.x, half), hn::Add(u.y, half), hn::Add(u.z, half)};
+  const auto in = [&](V a, V size) { return hn::And(hn::Ge(a, hn::Zero(d)), hn::Lt(a, size)); };
+  inside = hn::And(in(b.x, lattice.size.x), hn::And(in(b.y, lattice.size.y), in(b.z, lattice.size.z)));
+  const auto node = [&](V a) { return hn::ConvertTo(di, hn::IfThenElseZero(inside, a)); };
+  return lattice.index(node(b.x), node(b.y), node(b.z));
 }
 
 /// Interpolated distance at `p` (in the link frame), its gradient, and how far `p` lies outside the lattice, where the
@@ -122,7 +152,7 @@ HWY_INLINE Sampled sample(const LinkGrid& grid, const V3& p) {
   const D d;
   const DI di;
   const Lattice<float>& lattice = grid.distance;
-  const V3 u = inSteps(lattice, p);
+  const V3 u = inSteps(Frame::of(lattice), p);
   const V zero = hn::Zero(d), one = hn::Set(d, 1.0F);
   const auto clamp = [&](V a, int size) {
     return hn::Min(hn::Max(a, zero), hn::Set(d, static_cast<float>(size) - 1.001F));
@@ -181,6 +211,8 @@ std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree&
   const D d;
   const DU du;
   const std::size_t N = hn::Lanes(d);
+  const Frame frame = Frame::of(coarse);
+  const Transform moved(placement);
   std::size_t count = 0;
   const auto& super = tree.superblocks;
   const V size[3] = {hn::Set(d, static_cast<float>(coarse.size[0] - 1)),
@@ -188,19 +220,19 @@ std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree&
                      hn::Set(d, static_cast<float>(coarse.size[2] - 1))};
   alignas(64) std::uint32_t passing[kGroup];
   for (std::size_t i = 0; i < super.size(); i += N) {
-    const V3 u = inSteps(coarse, move(placement, load(&super.x[i], &super.y[i], &super.z[i])));
+    const V3 u = inSteps(frame, moved(load(&super.x[i], &super.y[i], &super.z[i])));
     const V zero = hn::Zero(d);
     const auto off = [&](V a, V last) { return hn::Sub(a, hn::Min(hn::Max(a, zero), last)); };
     const V out = length({off(u.x, size[0]), off(u.y, size[1]), off(u.z, size[2])});
-    const V reach = hn::Mul(hn::LoadU(d, &super.radius[i]), hn::Set(d, 1.0F / coarse.step));
+    const V reach = hn::Mul(hn::LoadU(d, &super.radius[i]), frame.inverse);
     const M near = hn::Le(out, hn::Add(reach, hn::Set(d, 1.0F)));
     const std::size_t n = storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), passing);
     for (std::size_t k = 0; k < n; ++k) {
       const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
       for (std::size_t b = begin; b < std::min(begin + kGroup, tree.blocks.size()); b += N) {
         M inside;
-        const V3 p = move(placement, load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b]));
-        const VI node = nearestNode(coarse, p, inside);
+        const V3 p = moved(load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b]));
+        const VI node = nearestNode(frame, p, inside);
         const auto cell =
             hn::BitCast(du, hn::GatherIndex(DI(), reinterpret_cast<const std::int32_t*>(coarse.value.data()), node));
         const auto first = hn::And(cell, hn::Set(du, 0xFFFFU)), last = hn::ShiftRight<16>(cell);
@@ -219,13 +251,15 @@ void SelectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, 
   const D d;
   const DU du;
   const std::size_t N = hn::Lanes(d);
+  const Frame frame = Frame::of(fine);
+  const Transform moved(placement);
   std::size_t count = points.count;
   for (const std::uint32_t block : blocks) {
     const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
     for (std::size_t i = begin; i < begin + kGroup; i += N) {
       M inside;
-      const V3 p = move(placement, load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
-      const VI node = nearestNode(fine, p, inside);
+      const V3 p = moved(load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
+      const VI node = nearestNode(frame, p, inside);
       const auto cell =
           hn::BitCast(du, hn::GatherIndex(DI(), reinterpret_cast<const std::int32_t*>(fine.value.data()), node));
       const auto first = hn::And(cell, hn::Set(du, 0xFFFFU));
@@ -247,24 +281,21 @@ std::uint32_t TakeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& wai
   const D d;
   const DU du;
   const std::size_t N = hn::Lanes(d);
-  std::size_t kept = 0;
   auto least = hn::Set(du, until);
   for (std::size_t i = 0; i < waiting.count; i += N) {
-    const auto first = hn::LoadU(du, waiting.first + i);
-    const V x = hn::LoadU(d, waiting.x + i), y = hn::LoadU(d, waiting.y + i), z = hn::LoadU(d, waiting.z + i);
-    const auto wanted = hn::And(hn::Lt(first, hn::Set(du, until)), hn::FirstN(du, waiting.count - i));
-    const auto move = [&](M mask, WaitingPoints& points, std::size_t at) {
-      storeSelected(mask, x, points.x + at);
-      storeSelected(mask, y, points.y + at);
-      storeSelected(mask, z, points.z + at);
-      return storeSelected(mask, first, points.first + at);
-    };
-    const auto now = hn::Lt(first, hn::Set(du, due)), later = hn::AndNot(now, wanted);
-    to.count += move(hn::RebindMask(d, hn::And(wanted, now)), to, to.count);
-    kept += move(hn::RebindMask(d, later), waiting, kept);
-    least = hn::IfThenElse(later, hn::Min(least, first), least);
+    const auto there = hn::FirstN(du, waiting.count - i);
+    const auto first = hn::IfThenElse(there, hn::LoadU(du, waiting.first + i), hn::Set(du, Motion::kNever));
+    const auto now = hn::Lt(first, hn::Set(du, std::min(due, until)));
+    const auto rest = hn::IfThenElse(now, hn::Set(du, Motion::kNever), first);
+    least = hn::Min(least, rest);
+    if (hn::AllFalse(du, now)) continue;  // most often
+    hn::StoreU(rest, du, waiting.first + i);
+    const M taken = hn::RebindMask(d, now);
+    storeSelected(taken, hn::LoadU(d, waiting.x + i), to.x + to.count);
+    storeSelected(taken, hn::LoadU(d, waiting.y + i), to.y + to.count);
+    storeSelected(taken, hn::LoadU(d, waiting.z + i), to.z + to.count);
+    to.count += storeSelected(taken, first, to.first + to.count);
   }
-  waiting.count = kept;
   return hn::GetLane(hn::MinOfLanes(du, least));
 }
 
@@ -422,26 +453,28 @@ std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, con
   const std::size_t N = hn::Lanes(d);
   std::size_t count = 0;
   const auto& lattice = coarse.interval[0];
+  const Frame frame = Frame::of(lattice);
+  const Transform moved(placement);
   alignas(64) std::uint32_t passing[kGroup];
   const auto& super = tree.superblocks;
   for (std::size_t i = 0; i < super.size(); i += N) {
-    const V3 u = inSteps(lattice, move(placement, load(&super.x[i], &super.y[i], &super.z[i])));
+    const V3 u = inSteps(frame, moved(load(&super.x[i], &super.y[i], &super.z[i])));
     const V zero = hn::Zero(d);
     const auto off = [&](V a, int size) {
       return hn::Sub(a, hn::Min(hn::Max(a, zero), hn::Set(d, static_cast<float>(size - 1))));
     };
     const V ox = off(u.x, lattice.size[0]), oy = off(u.y, lattice.size[1]);
-    const V reach = hn::MulAdd(hn::LoadU(d, &super.radius[i]), hn::Set(d, 1.0F / lattice.step), hn::Set(d, 1.0F));
+    const V reach = hn::MulAdd(hn::LoadU(d, &super.radius[i]), frame.inverse, hn::Set(d, 1.0F));
     const M near = hn::Le(hn::MulAdd(ox, ox, hn::Mul(oy, oy)), hn::Mul(reach, reach));
     const std::size_t n = storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), passing);
     for (std::size_t k = 0; k < n; ++k) {
       const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
       for (std::size_t b = begin; b < std::min(begin + kGroup, tree.blocks.size()); b += N) {
         M inside;
-        V3 p = move(placement, load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b]));
+        V3 p = moved(load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b]));
         const V z = p.z;
         p.z = zero;
-        const VI node = nearestNode(lattice, p, inside);
+        const VI node = nearestNode(frame, p, inside);
         const Interval highest = gatherInterval(coarse, 0, node);
         const M real = hn::And(highest.isThere, hn::Lt(hn::Abs(z), hn::Set(d, 1e3F)));
         const M touch = hn::And(real, hn::And(inside, hn::Ge(hn::Sub(highest.top, z), hn::Set(d, from))));
@@ -458,16 +491,18 @@ std::size_t ColumnPoints(const ColumnField& fine, const ObjectShell& shell, std:
   const DU du;
   const std::size_t N = hn::Lanes(d);
   std::size_t count = 0;
-  const auto& lattice = fine.interval[0];
+  const Frame frame = Frame::of(fine.interval[0]);
+  const Transform moved(placement);
   for (const std::uint32_t block : blocks) {
     const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
     for (std::size_t i = begin; i < begin + kGroup; i += N) {
       M inside;
-      const V3 p = move(placement, load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
-      const VI node = nearestNode(lattice, {p.x, p.y, hn::Zero(d)}, inside);
+      const V3 p = moved(load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
+      const VI node = nearestNode(frame, {p.x, p.y, hn::Zero(d)}, inside);
       const Interval highest = gatherInterval(fine, 0, node);
       const M above = hn::Ge(hn::Sub(highest.top, p.z), hn::Set(d, from));
       const M touch = hn::And(inside, hn::And(highest.isThere, above));
+      if (hn::AllFalse(d, touch)) continue;
       storeSelected(touch, p.x, x + count);
       storeSelected(touch, p.y, y + count);
       storeSelected(touch, p.z, z + count);
@@ -550,45 +585,59 @@ void RefineExit(const PlacedGrid& grid, const Points& points, const float* start
   }
 }
 
-/// Spheres that may come within `margin` of the grid's surface, by the nearest node's value.
-HWY_INLINE M mayBeNear(const LinkGrid& grid, const V3& p, V radius, float margin) {
-  const D d;
-  const DI di;
-  const Lattice<float>& lattice = grid.distance;
-  const V3 u = inSteps(lattice, p);
-  const V zero = hn::Zero(d);
-  const auto clamp = [&](V a, int size) { return hn::Min(hn::Max(a, zero), hn::Set(d, static_cast<float>(size - 1))); };
-  const V3 c = {clamp(u.x, lattice.size[0]), clamp(u.y, lattice.size[1]), clamp(u.z, lattice.size[2])};
-  const V half = hn::Set(d, 0.5F);
-  const auto node = [&](V a) { return hn::ConvertTo(di, hn::Add(a, half)); };
-  const VI index = hn::Add(
-      hn::Mul(hn::Add(hn::Mul(node(c.z), hn::Set(di, lattice.size[1])), node(c.y)), hn::Set(di, lattice.size[0])),
-      node(c.x));
-  const V3 off = u - c;
-  const V reach = hn::Add(radius, hn::Set(d, margin));
-  const V outside = hn::Mul(dot(off, off), hn::Set(d, lattice.step * lattice.step));
-  const M close = hn::Le(outside, hn::Mul(reach, reach));
-  const V value = gatherPair(grid.nodePairs.data(), index).here;
-  return hn::And(close, hn::Le(value, hn::Add(reach, hn::Set(d, 0.8661F * lattice.step))));
-}
+/// Which spheres may come within `margin` of a grid's surface, by the nearest node's value.
+struct NearTest {
+  Transform moved;
+  Frame frame;
+  V3 last;  // nodes
+  V margin, squaredStep, offNode;
+  const std::int32_t* nodePairs;
+
+  HWY_INLINE NearTest(const PlacedGrid& placed, float m)
+      : moved(placed.placement),
+        frame(Frame::of(placed.grid->distance)),
+        margin(hn::Set(D(), m)),
+        nodePairs(placed.grid->nodePairs.data()) {
+    const D d;
+    const Lattice<float>& lattice = placed.grid->distance;
+    const V one = hn::Set(d, 1.0F);
+    last = {hn::Sub(frame.size.x, one), hn::Sub(frame.size.y, one), hn::Sub(frame.size.z, one)};
+    squaredStep = hn::Set(d, lattice.step * lattice.step);
+    offNode = hn::Set(d, 0.8661F * lattice.step);
+  }
+
+  HWY_INLINE M operator()(const float* x, const float* y, const float* z, const float* radius) const {
+    const D d;
+    const DI di;
+    const V3 u = inSteps(frame, moved(load(x, y, z)));
+    const V zero = hn::Zero(d), half = hn::Set(d, 0.5F);
+    const auto clamp = [&](V a, V most) { return hn::Min(hn::Max(a, zero), most); };
+    const V3 c = {clamp(u.x, last.x), clamp(u.y, last.y), clamp(u.z, last.z)};
+    const auto node = [&](V a) { return hn::ConvertTo(di, hn::Add(a, half)); };
+    const V3 off = u - c;
+    const V reach = hn::Add(hn::LoadU(d, radius), margin);
+    const M close = hn::Le(hn::Mul(dot(off, off), squaredStep), hn::Mul(reach, reach));
+    const V value = gatherPair(nodePairs, frame.index(node(c.x), node(c.y), node(c.z))).here;
+    return hn::And(close, hn::Le(value, hn::Add(reach, offNode)));
+  }
+};
 
 std::size_t NearBlocks(const PlacedGrid& grid, const SphereTree& tree, float margin, std::uint32_t* ids) {
   const D d;
   const DU du;
   const std::size_t N = hn::Lanes(d);
+  const NearTest isNear(grid, margin);
   std::size_t count = 0;
   alignas(64) std::uint32_t passing[kGroup];
   const auto& super = tree.superblocks;
+  const auto& blocks = tree.blocks;
   for (std::size_t i = 0; i < super.size(); i += N) {
-    const M near = mayBeNear(*grid.grid, move(grid.placement, load(&super.x[i], &super.y[i], &super.z[i])),
-                             hn::LoadU(d, &super.radius[i]), margin);
+    const M near = isNear(&super.x[i], &super.y[i], &super.z[i], &super.radius[i]);
     const std::size_t n = storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), passing);
     for (std::size_t k = 0; k < n; ++k) {
       const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
-      for (std::size_t b = begin; b < std::min(begin + kGroup, tree.blocks.size()); b += N) {
-        const M touch =
-            mayBeNear(*grid.grid, move(grid.placement, load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b])),
-                      hn::LoadU(d, &tree.blocks.radius[b]), margin);
+      for (std::size_t b = begin; b < std::min(begin + kGroup, blocks.size()); b += N) {
+        const M touch = isNear(&blocks.x[b], &blocks.y[b], &blocks.z[b], &blocks.radius[b]);
         count += storeSelected(touch, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
       }
     }
@@ -602,13 +651,12 @@ std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std:
   const DU du;
   const DI di;
   const std::size_t N = hn::Lanes(d);
+  const NearTest isNear(grid, margin);
   std::size_t passing = 0;
   for (const std::uint32_t block : blocks) {
     const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
     for (std::size_t i = begin; i < begin + kGroup; i += N) {
-      const M near = mayBeNear(
-          *grid.grid, move(grid.placement, load(&shell.sphere[0][i], &shell.sphere[1][i], &shell.sphere[2][i])),
-          hn::LoadU(d, &shell.sphere[3][i]), margin);
+      const M near = isNear(&shell.sphere[0][i], &shell.sphere[1][i], &shell.sphere[2][i], &shell.sphere[3][i]);
       passing += storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), scratch + passing);
     }
   }
@@ -653,15 +701,19 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
   const DU du;
   const std::size_t N = hn::Lanes(d);
   const auto& v = near.value;
+  const std::array<float, 19>* const whole = grid.whole.data();
   std::size_t count = 0;
   // Neighbours stand together: what a group of near triangles cannot meet is passed over for all of them.
   for (std::size_t group = 0; group < near.id.size(); group += kGroup) {
-    alignas(64) float bound[6][kGroup];
+    alignas(64) float bound[6][kGroup], own[12][kGroup];  // corners and normals in one place
     float around[6];
+    for (int k = 0; k < 12; ++k) {
+      for (std::size_t i = 0; i < kGroup; i += N) hn::Store(hn::LoadU(d, &v[k][group + i]), d, &own[k][i]);
+    }
     for (int axis = 0; axis < 3; ++axis) {
       V lowest = hn::Set(d, kInfinity), highest = hn::Set(d, -kInfinity);
       for (std::size_t i = 0; i < kGroup; i += N) {
-        const auto corner = [&](int k) { return hn::LoadU(d, &v[3 * k + axis][group + i]); };
+        const auto corner = [&](int k) { return hn::Load(d, &own[3 * k + axis][i]); };
         const V p = corner(0), q = corner(1), r = corner(2), margin = hn::Set(d, reach);
         const V lower = hn::Sub(hn::Min(p, hn::Min(q, r)), margin), upper = hn::Add(hn::Max(p, hn::Max(q, r)), margin);
         hn::Store(lower, d, &bound[axis][i]);
@@ -692,11 +744,12 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
       std::size_t kept = 0;
       for (std::size_t k = 0; k < n; ++k) {
         const std::uint32_t b = ids[k];
+        const float* const box = &whole[b][13];
         bool isMet = false;
         for (std::size_t i = 0; i < kGroup; i += N) {
           const auto along = [&](int axis) {
-            return hn::And(hn::Le(hn::Set(d, grid.triangleBoxes.bound[axis][b]), hn::Load(d, &bound[3 + axis][i])),
-                           hn::Ge(hn::Set(d, grid.triangleBoxes.bound[3 + axis][b]), hn::Load(d, &bound[axis][i])));
+            return hn::And(hn::Le(hn::Set(d, box[axis]), hn::Load(d, &bound[3 + axis][i])),
+                           hn::Ge(hn::Set(d, box[3 + axis]), hn::Load(d, &bound[axis][i])));
           };
           isMet |= !hn::AllFalse(d, hn::And(along(0), hn::And(along(1), along(2))));
         }
@@ -710,18 +763,19 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
         for (auto* array : {&pairs.a, &pairs.b}) array->resize(2 * count + 4 * kGroup);
         for (auto* array : {&pairs.enter, &pairs.leave}) array->resize(2 * count + 4 * kGroup);
       }
-      const auto value = [&](int k) { return hn::Set(d, grid.triangle[k][b]); };
+      const float* const one = whole[b].data();
+      const auto value = [&](int k) { return hn::Set(d, one[k]); };
       const V3 n = {value(9), value(10), value(11)};
       for (std::size_t i = 0; i < kGroup; i += N) {
-        const auto all = [&](int k) { return load(&v[k][group + i], &v[k + 1][group + i], &v[k + 2][group + i]); };
+        const auto all = [&](int k) { return load(&own[k][i], &own[k + 1][i], &own[k + 2][i]); };
         const auto within = [&](V first, V second, V third) {
           return hn::And(hn::Le(hn::Min(first, hn::Min(second, third)), hn::Set(d, reach)),
                          hn::Ge(hn::Max(first, hn::Max(second, third)), hn::Set(d, -reach)));
         };
         M may = hn::FirstN(d, near.id.size() - std::min(near.id.size(), group + i));
         for (int axis = 0; axis < 3; ++axis) {
-          may = hn::And(may, hn::Le(hn::Set(d, grid.triangleBoxes.bound[axis][b]), hn::Load(d, &bound[3 + axis][i])));
-          may = hn::And(may, hn::Ge(hn::Set(d, grid.triangleBoxes.bound[3 + axis][b]), hn::Load(d, &bound[axis][i])));
+          may = hn::And(may, hn::Le(value(13 + axis), hn::Load(d, &bound[3 + axis][i])));
+          may = hn::And(may, hn::Ge(value(16 + axis), hn::Load(d, &bound[axis][i])));
         }
         const V3 corner = all(0), normal = all(9);
         if (facing) may = hn::And(may, hn::Lt(dot(n, normal), hn::Zero(d)));

@@ -43,8 +43,8 @@ struct WaitingPoints {
 void selectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
                   const Placement& placement, std::uint32_t from, std::uint32_t to, WaitingPoints& points);
 
-/// Moves the points whose first touch is below `due` to the end of `to` and drops those from `until` on; the others
-/// stay in their order. Returns the first touch among them, `until` when none stays.
+/// Moves the points whose first touch is below `due`, and below `until`, to the end of `to`; their place then waits for
+/// Motion::kNever. Returns the first touch among the others, `until` when none is earlier.
 std::uint32_t takeDue(std::uint32_t due, std::uint32_t until, WaitingPoints& waiting, WaitingPoints& to);
 
 /// Where the first of the points is touched in the motion, by Newton's method on the interpolated distance, each from

@@ -333,6 +333,11 @@ void LinkGrid::addTriangles(const TriangleMesh& mesh, const std::vector<std::uin
     boxes.push_back(at < visible.size() ? AlignedBox3f(box.min().cast<float>(), box.max().cast<float>()) : kNoBox);
   }
   triangleBoxes = padded(boxes);
+  whole.resize(source.size());
+  for (std::size_t at = 0; at < source.size(); ++at) {
+    for (int k = 0; k < 13; ++k) whole[at][k] = triangle[k][at];
+    for (int k = 0; k < 6; ++k) whole[at][13 + k] = triangleBoxes.bound[k][at];
+  }
   boxes = boxesAround(boxes);
   blockBoxes = padded(boxes);
   superblockBoxes = padded(boxesAround(boxes));

@@ -64,6 +64,8 @@ struct LinkGrid {
   Boxes triangleBoxes, blockBoxes, superblockBoxes;
   /// Per triangle: corners (9), unit normal and offset (4), in 13 arrays; block b at 16 b.
   std::array<std::vector<float>, 13> triangle;
+  /// The same for each triangle in one place: these 13 numbers, then its box as in Boxes.
+  std::vector<std::array<float, 19>> whole;
   std::vector<std::uint32_t> source;    // of each triangle: its index in the mesh
   std::vector<Eigen::Vector3d> normal;  // unit, of each triangle of the mesh
 
