@@ -193,17 +193,39 @@ HWY_INLINE Sampled sample(const LinkGrid& grid, const V3& p) {
   return result;
 }
 
+/// The selected lanes of eight, first to last, for every selection.
+constexpr std::array<std::array<std::uint8_t, 8>, 256> selectionsOfEight() {
+  std::array<std::array<std::uint8_t, 8>, 256> lanes{};
+  for (unsigned bits = 0; bits < 256; ++bits) {
+    int n = 0;
+    for (std::uint8_t lane = 0; lane < 8; ++lane) {
+      if ((bits >> lane & 1) != 0) lanes[bits][n++] = lane;
+    }
+  }
+  return lanes;
+}
+[[maybe_unused]] constexpr auto kSelectionsOfEight = selectionsOfEight();
+
 /// Stores the selected lanes one after the other and returns their number. Writes a whole vector (where a processor has
 /// a narrower store of selected lanes it can be far slower), so `to` has room for a group more.
-HWY_INLINE std::size_t storeSelected(M mask, V value, float* to) {
-  const D d;
-  hn::StoreU(hn::Compress(value, mask), d, to);
-  return hn::CountTrue(d, mask);
+template <class DT>
+HWY_INLINE std::size_t storeSelected(DT dt, hn::Mask<DT> mask, hn::Vec<DT> value, hn::TFromD<DT>* to) {
+#if HWY_TARGET == HWY_AVX2  // Highway's own Compress has GCC copy its table to the stack each time
+  std::uint8_t bits = 0;
+  hn::StoreMaskBits(dt, mask, &bits);
+  const hn::Rebind<std::uint8_t, DI> bytes;
+  const VI lanes = hn::PromoteTo(DI(), hn::LoadU(bytes, kSelectionsOfEight[bits].data()));
+  hn::StoreU(hn::TableLookupLanes(value, hn::IndicesFromVec(dt, lanes)), dt, to);
+  return hwy::PopCount(bits);
+#else
+  hn::StoreU(hn::Compress(value, mask), dt, to);
+  return hn::CountTrue(dt, mask);
+#endif
 }
+HWY_INLINE std::size_t storeSelected(M mask, V value, float* to) { return storeSelected(D(), mask, value, to); }
 HWY_INLINE std::size_t storeSelected(M mask, hn::Vec<DU> value, std::uint32_t* to) {
   const DU du;
-  hn::StoreU(hn::Compress(value, hn::RebindMask(du, mask)), du, to);
-  return hn::CountTrue(D(), mask);
+  return storeSelected(du, hn::RebindMask(du, mask), value, to);
 }
 
 std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree& tree, const Placement& placement,
