@@ -15,7 +15,7 @@ namespace handhold::polar {
 using lanes::Lanes;
 
 /// Instruction sets that the kernels are compiled for, by the doubles in a vector. All give equal bits.
-enum class InstructionSet : unsigned char { baseline, avx2, avx512 };
+enum class InstructionSet : unsigned char { baseline, avx2 };
 
 /// The best one that this machine has.
 InstructionSet instructionSet();

@@ -80,18 +80,12 @@ double expandBaseline(Scratch& scratch, const WrenchView& wrenches, const ForceC
                                           const ForceClosureResult& closure, double radius, double planeTolerance) {
   return expand<4>(scratch, wrenches, closure, radius, planeTolerance);
 }
-[[gnu::target("avx512f,avx512dq,avx512vl")]] double expandAvx512(Scratch& scratch, const WrenchView& wrenches,
-                                                                 const ForceClosureResult& closure, double radius,
-                                                                 double planeTolerance) {
-  return expand<8>(scratch, wrenches, closure, radius, planeTolerance);
-}
 #endif
 
 double expanded(InstructionSet set, const WrenchView& wrenches, const ForceClosureResult& closure, double radius,
                 double planeTolerance) {
   thread_local Scratch scratch;
 #ifdef __x86_64__
-  if (set == InstructionSet::avx512) return expandAvx512(scratch, wrenches, closure, radius, planeTolerance);
   if (set == InstructionSet::avx2) return expandAvx2(scratch, wrenches, closure, radius, planeTolerance);
 #endif
   return expandBaseline(scratch, wrenches, closure, radius, planeTolerance);

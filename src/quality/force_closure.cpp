@@ -169,10 +169,6 @@ ForceClosureResult decideBaseline(const WrenchView& wrenches, std::vector<polar:
                                                       std::vector<polar::ColumnBlock>& scratch) {
   return decide<4>(wrenches, scratch);
 }
-[[gnu::target("avx512f,avx512dq,avx512vl")]] ForceClosureResult decideAvx512(const WrenchView& wrenches,
-                                                                             std::vector<polar::ColumnBlock>& scratch) {
-  return decide<8>(wrenches, scratch);
-}
 #endif
 
 }  // namespace
@@ -180,7 +176,6 @@ ForceClosureResult decideBaseline(const WrenchView& wrenches, std::vector<polar:
 ForceClosureResult polar::testForceClosure(const WrenchView& wrenches, InstructionSet set) {
   thread_local std::vector<ColumnBlock> scratch;
 #ifdef __x86_64__
-  if (set == InstructionSet::avx512) return decideAvx512(wrenches, scratch);
   if (set == InstructionSet::avx2) return decideAvx2(wrenches, scratch);
 #endif
   return decideBaseline(wrenches, scratch);
@@ -193,9 +188,6 @@ ForceClosureResult testForceClosure(const WrenchView& wrenches) {
 polar::InstructionSet polar::instructionSet() {
   static const InstructionSet best = [] {
 #ifdef __x86_64__
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) {
-      return InstructionSet::avx512;
-    }
     if (__builtin_cpu_supports("avx2")) return InstructionSet::avx2;
 #endif
     return InstructionSet::baseline;
@@ -204,7 +196,7 @@ polar::InstructionSet polar::instructionSet() {
 }
 
 const char* polar::name(InstructionSet set) {
-  constexpr const char* kNames[] = {"baseline", "AVX2", "AVX-512"};
+  constexpr const char* kNames[] = {"baseline", "AVX2"};
   return kNames[static_cast<int>(set)];
 }
 

@@ -3,7 +3,7 @@
 #include <array>
 #include <cstring>
 
-// Eight numbers at once, in vectors of W = 2, 4 or 8 doubles; no other library includes it. Every operation is one IEEE
+// Eight numbers at once, in vectors of W = 2 or 4 doubles; no other library includes it. Every operation is one IEEE
 // operation a lane, and folds over lanes have one order, so that all widths give equal bits.
 namespace handhold::lanes {
 
@@ -138,13 +138,7 @@ HANDHOLD_INLINE double folded(const Lanes<W>& a) {
     for (int i = 0; i < half; ++i) Fold::into(part[i], part[i + half]);
   }
   typename Vector<2>::Part two;
-  if constexpr (W == 8) {
-    auto four = __builtin_shufflevector(part[0], part[0], 0, 1, 2, 3);
-    const auto upper = __builtin_shufflevector(part[0], part[0], 4, 5, 6, 7);
-    Fold::into(four, upper);
-    two = __builtin_shufflevector(four, four, 0, 1);
-    Fold::into(two, __builtin_shufflevector(four, four, 2, 3));
-  } else if constexpr (W == 4) {
+  if constexpr (W == 4) {
     two = __builtin_shufflevector(part[0], part[0], 0, 1);
     Fold::into(two, __builtin_shufflevector(part[0], part[0], 2, 3));
   } else {

@@ -351,17 +351,12 @@ template <class Answer>
 [[gnu::target("avx2")]] void answerAvx2(const ContactCones& cones, Answer& result) {
   answer<4>(cones, result);
 }
-template <class Answer>
-[[gnu::target("avx512f,avx512dq,avx512vl")]] void answerAvx512(const ContactCones& cones, Answer& result) {
-  answer<8>(cones, result);
-}
 #endif
 
 template <class Answer>
 Answer answerBy(InstructionSet set, const ContactCones& cones) {
   Answer result{};
 #ifdef __x86_64__
-  if (set == InstructionSet::avx512) return answerAvx512(cones, result), result;
   if (set == InstructionSet::avx2) return answerAvx2(cones, result), result;
 #endif
   return answerBaseline(cones, result), result;

@@ -481,34 +481,22 @@ TEST(SoftFinger, BecomesThePointContact) {
 
 TEST(TrueConeInstructionSets, GiveEqualBits) {
   using polar::InstructionSet;
-  std::vector<InstructionSet> sets = {InstructionSet::baseline};
-  for (const InstructionSet other : {InstructionSet::avx2, InstructionSet::avx512}) {
-    if (other <= polar::instructionSet()) sets.push_back(other);
-  }
+  if (polar::instructionSet() == InstructionSet::baseline) GTEST_SKIP() << "this machine has one set only";
   for (int seed = 0; seed < 1000; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     const Instance some = instance(seed, seed % 2 == 1);
-    EpsilonBounds bounds;
-    CriticalFriction critical;
-    for (const InstructionSet set : sets) {
-      SCOPED_TRACE(polar::name(set));
-      TrueCones cones(model(0.4, 8, some.torqueScale, seed % 4 < 2 ? 0 : 0.05 * some.torqueScale), set);
-      const EpsilonBounds b = cones.epsilonBounds(some.contacts);
-      const CriticalFriction c = cones.criticalFriction(some.contacts);
-      if (set == InstructionSet::baseline) {
-        bounds = b;
-        critical = c;
-        continue;
-      }
-      EXPECT_EQ(b.verdict, bounds.verdict);
-      EXPECT_EQ(b.lower, bounds.lower);
-      EXPECT_EQ(b.upper, bounds.upper);
-      EXPECT_EQ(b.facets, bounds.facets);
-      EXPECT_EQ(c.verdict, critical.verdict);
-      if (c.verdict != ForceClosure::closed) continue;
-      EXPECT_EQ(c.below, critical.below);
-      EXPECT_EQ(c.friction, critical.friction);
-    }
+    const WrenchModel asked = model(0.4, 8, some.torqueScale, seed % 4 < 2 ? 0 : 0.05 * some.torqueScale);
+    TrueCones plain(asked, InstructionSet::baseline), fast(asked, InstructionSet::avx2);
+    const EpsilonBounds bounds = plain.epsilonBounds(some.contacts), b = fast.epsilonBounds(some.contacts);
+    EXPECT_EQ(b.verdict, bounds.verdict);
+    EXPECT_EQ(b.lower, bounds.lower);
+    EXPECT_EQ(b.upper, bounds.upper);
+    EXPECT_EQ(b.facets, bounds.facets);
+    const CriticalFriction critical = plain.criticalFriction(some.contacts), c = fast.criticalFriction(some.contacts);
+    EXPECT_EQ(c.verdict, critical.verdict);
+    if (c.verdict != ForceClosure::closed) continue;
+    EXPECT_EQ(c.below, critical.below);
+    EXPECT_EQ(c.friction, critical.friction);
   }
 }
 
