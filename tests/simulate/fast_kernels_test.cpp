@@ -418,6 +418,53 @@ TEST(KeepClose, RulesOutWhatIsFarAlone) {
   }
 }
 
+// Points wait with their first touches and are asked for what is due, band after band, until one that ends the search.
+TEST(TakeDue, GivesEachPointOnceInItsBandAndInOrder) {
+  constexpr std::uint32_t kBand = 1000, kLast = 0xFFFE;
+  const std::int64_t available = hwy::SupportedTargets();
+  for (const std::int64_t target : {kPlain, kNarrow, kWide}) {
+    if ((available & target) == 0) continue;
+    const OnTarget only(target);
+    for (std::uint64_t seed = 0; seed < 200; ++seed) {
+      SCOPED_TRACE("target " + std::to_string(target) + " seed " + std::to_string(seed));
+      const RandomStream stream = RandomStream(31).child(seed);
+      const std::size_t count = seed < 40 ? seed : 40 + static_cast<std::size_t>(200 * stream.uniform(0));
+      const auto until = static_cast<std::uint32_t>((seed % 3 == 0 ? 1.0 : stream.uniform(1)) * kLast);
+      std::vector<std::uint32_t> first;
+      for (std::size_t i = 0; i < count; ++i) first.push_back(static_cast<std::uint32_t>(stream.uniform(2 + i) * kLast));
+      std::vector<float> x, y, z;
+      for (std::size_t i = 0; i < count; ++i) {
+        x.push_back(static_cast<float>(i));
+        y.push_back(static_cast<float>(i) + 0.25F);
+        z.push_back(static_cast<float>(i) + 0.5F);
+      }
+      std::vector<std::uint32_t> wait = first, dueFirst(count + kGroup);
+      wait.resize(count + kGroup, 0);  // what lies behind the last point is not one
+      for (auto* array : {&x, &y, &z}) array->resize(count + kGroup);
+      std::vector<float> dueX(count + kGroup), dueY(count + kGroup), dueZ(count + kGroup);
+      kernels::WaitingPoints waiting = {x.data(), y.data(), z.data(), wait.data(), count};
+      for (std::uint32_t end = kBand; end - kBand < 0x10000; end += kBand) {
+        kernels::WaitingPoints due = {dueX.data(), dueY.data(), dueZ.data(), dueFirst.data(), 0};
+        const std::uint32_t earliest = kernels::takeDue(end, until, waiting, due);
+        std::vector<std::size_t> wanted;
+        std::uint32_t next = until;
+        for (std::size_t i = 0; i < count; ++i) {
+          if (first[i] >= until) continue;
+          if (first[i] >= end) next = std::min(next, first[i]);
+          if (first[i] < end && first[i] >= end - kBand) wanted.push_back(i);
+        }
+        ASSERT_EQ(due.count, wanted.size());
+        ASSERT_EQ(earliest, next);
+        for (std::size_t k = 0; k < wanted.size(); ++k) {
+          const std::size_t i = wanted[k];
+          ASSERT_EQ(dueFirst[k], first[i]);
+          ASSERT_EQ(Vector3f(dueX[k], dueY[k], dueZ[k]), Vector3f(x[i], y[i], z[i]));
+        }
+      }
+    }
+  }
+}
+
 TEST(InstructionSets, Avx2AndAvx512GiveEqualBits) {
   if (!hasBoth()) GTEST_SKIP() << "this machine does not have both AVX2 and AVX-512";
   const LinkGrid grid(cylinderMesh(0.012, 0.05));
