@@ -431,7 +431,8 @@ TEST(TakeDue, GivesEachPointOnceInItsBandAndInOrder) {
       const std::size_t count = seed < 40 ? seed : 40 + static_cast<std::size_t>(200 * stream.uniform(0));
       const auto until = static_cast<std::uint32_t>((seed % 3 == 0 ? 1.0 : stream.uniform(1)) * kLast);
       std::vector<std::uint32_t> first;
-      for (std::size_t i = 0; i < count; ++i) first.push_back(static_cast<std::uint32_t>(stream.uniform(2 + i) * kLast));
+      for (std::size_t i = 0; i < count; ++i)
+        first.push_back(static_cast<std::uint32_t>(stream.uniform(2 + i) * kLast));
       std::vector<float> x, y, z;
       for (std::size_t i = 0; i < count; ++i) {
         x.push_back(static_cast<float>(i));
