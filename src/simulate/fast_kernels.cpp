@@ -228,6 +228,15 @@ HWY_INLINE std::size_t storeSelected(M mask, hn::Vec<DU> value, std::uint32_t* t
   return storeSelected(du, hn::RebindMask(du, mask), value, to);
 }
 
+alignas(64) constexpr std::array<std::uint32_t, kGroup> kNumbers = {0, 1, 2,  3,  4,  5,  6,  7,
+                                                                    8, 9, 10, 11, 12, 13, 14, 15};
+
+/// first, first + 1, ... (Highway's Iota writes them one by one, and then waits for what it wrote)
+HWY_INLINE hn::Vec<DU> numbersFrom(std::size_t first) {
+  const DU du;
+  return hn::Add(hn::Load(du, kNumbers.data()), hn::Set(du, static_cast<std::uint32_t>(first)));
+}
+
 std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree& tree, const Placement& placement,
                          std::uint32_t from, std::uint32_t to, std::uint32_t* ids, std::uint32_t* firsts) {
   const D d;
@@ -248,7 +257,7 @@ std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree&
     const V out = length({off(u.x, size[0]), off(u.y, size[1]), off(u.z, size[2])});
     const V reach = hn::Mul(hn::LoadU(d, &super.radius[i]), frame.inverse);
     const M near = hn::Le(out, hn::Add(reach, hn::Set(d, 1.0F)));
-    const std::size_t n = storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), passing);
+    const std::size_t n = storeSelected(near, numbersFrom(i), passing);
     for (std::size_t k = 0; k < n; ++k) {
       const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
       for (std::size_t b = begin; b < std::min(begin + kGroup, tree.blocks.size()); b += N) {
@@ -261,7 +270,7 @@ std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree&
         const auto touch = hn::AndNot(hn::Lt(last, hn::Set(du, from)), hn::Lt(first, hn::Set(du, to)));
         const M mask = hn::And(inside, hn::RebindMask(d, touch));
         storeSelected(mask, hn::Max(first, hn::Set(du, from)), firsts + count);
-        count += storeSelected(mask, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
+        count += storeSelected(mask, numbersFrom(b), ids + count);
       }
     }
   }
@@ -471,7 +480,6 @@ HWY_INLINE Interval gatherInterval(const ColumnField& field, int k, VI node) {
 std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, const Placement& placement, float from,
                           std::uint32_t* ids) {
   const D d;
-  const DU du;
   const std::size_t N = hn::Lanes(d);
   std::size_t count = 0;
   const auto& lattice = coarse.interval[0];
@@ -488,7 +496,7 @@ std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, con
     const V ox = off(u.x, lattice.size[0]), oy = off(u.y, lattice.size[1]);
     const V reach = hn::MulAdd(hn::LoadU(d, &super.radius[i]), frame.inverse, hn::Set(d, 1.0F));
     const M near = hn::Le(hn::MulAdd(ox, ox, hn::Mul(oy, oy)), hn::Mul(reach, reach));
-    const std::size_t n = storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), passing);
+    const std::size_t n = storeSelected(near, numbersFrom(i), passing);
     for (std::size_t k = 0; k < n; ++k) {
       const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
       for (std::size_t b = begin; b < std::min(begin + kGroup, tree.blocks.size()); b += N) {
@@ -500,7 +508,7 @@ std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, con
         const Interval highest = gatherInterval(coarse, 0, node);
         const M real = hn::And(highest.isThere, hn::Lt(hn::Abs(z), hn::Set(d, 1e3F)));
         const M touch = hn::And(real, hn::And(inside, hn::Ge(hn::Sub(highest.top, z), hn::Set(d, from))));
-        count += storeSelected(touch, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
+        count += storeSelected(touch, numbersFrom(b), ids + count);
       }
     }
   }
@@ -646,7 +654,6 @@ struct NearTest {
 
 std::size_t NearBlocks(const PlacedGrid& grid, const SphereTree& tree, float margin, std::uint32_t* ids) {
   const D d;
-  const DU du;
   const std::size_t N = hn::Lanes(d);
   const NearTest isNear(grid, margin);
   std::size_t count = 0;
@@ -655,12 +662,12 @@ std::size_t NearBlocks(const PlacedGrid& grid, const SphereTree& tree, float mar
   const auto& blocks = tree.blocks;
   for (std::size_t i = 0; i < super.size(); i += N) {
     const M near = isNear(&super.x[i], &super.y[i], &super.z[i], &super.radius[i]);
-    const std::size_t n = storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), passing);
+    const std::size_t n = storeSelected(near, numbersFrom(i), passing);
     for (std::size_t k = 0; k < n; ++k) {
       const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
       for (std::size_t b = begin; b < std::min(begin + kGroup, blocks.size()); b += N) {
         const M touch = isNear(&blocks.x[b], &blocks.y[b], &blocks.z[b], &blocks.radius[b]);
-        count += storeSelected(touch, hn::Iota(du, static_cast<std::uint32_t>(b)), ids + count);
+        count += storeSelected(touch, numbersFrom(b), ids + count);
       }
     }
   }
@@ -679,7 +686,7 @@ std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std:
     const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
     for (std::size_t i = begin; i < begin + kGroup; i += N) {
       const M near = isNear(&shell.sphere[0][i], &shell.sphere[1][i], &shell.sphere[2][i], &shell.sphere[3][i]);
-      passing += storeSelected(near, hn::Iota(du, static_cast<std::uint32_t>(i)), scratch + passing);
+      passing += storeSelected(near, numbersFrom(i), scratch + passing);
     }
   }
   for (std::size_t i = passing; i < (passing + N - 1) / N * N; ++i) scratch[i] = 0;
@@ -756,7 +763,7 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
                          hn::Ge(hn::LoadU(d, &boxes.bound[3 + axis][k]), hn::Set(d, around[axis])));
         };
         const M met = hn::And(along(0), hn::And(along(1), along(2)));
-        n += storeSelected(met, hn::Iota(du, static_cast<std::uint32_t>(k)), ids + n);
+        n += storeSelected(met, numbersFrom(k), ids + n);
       }
       return n;
     };
@@ -807,7 +814,7 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
         const auto side = [&](int k) { return dot(normal, V3{value(k), value(k + 1), value(k + 2)} - corner); };
         may = hn::And(may, within(side(0), side(3), side(6)));
         hn::StoreU(hn::Set(du, b), du, &pairs.b[count]);
-        count += storeSelected(may, hn::Iota(du, static_cast<std::uint32_t>(group + i)), &pairs.a[count]);
+        count += storeSelected(may, numbersFrom(group + i), &pairs.a[count]);
       }
     };
     alignas(64) std::uint32_t superblocks[2 * kGroup], blocks[2 * kGroup], triangles[kGroup * kGroup + kGroup];
