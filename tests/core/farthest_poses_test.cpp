@@ -84,6 +84,45 @@ TEST(FarthestPoses, TakesTheFirstOfATie) {
   EXPECT_THAT(farthestPoses(poses, 2, kScale).chosen, ElementsAre(0, 1));
 }
 
+/// The definition, every distance measured.
+std::vector<std::size_t> chosenByDefinition(const std::vector<Isometry3d>& poses, std::size_t count) {
+  std::vector<std::size_t> chosen;
+  std::vector<double> distance(poses.size(), std::numeric_limits<double>::infinity());
+  for (std::size_t next = 0; chosen.size() < count;) {
+    chosen.push_back(next);
+    for (std::size_t i = 0; i < poses.size(); ++i)
+      distance[i] = std::min(distance[i], distanceOf(poses[i], poses[next]));
+    for (const std::size_t i : chosen) distance[i] = -1;
+    const double farthest = *std::max_element(distance.begin(), distance.end());
+    const auto isFarthest = [&](double d) { return d >= farthest - 1e-9; };
+    next = static_cast<std::size_t>(std::find_if(distance.begin(), distance.end(), isFarthest) - distance.begin());
+  }
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
+}
+
+// Most distances are never measured: the choice is as if all were. Poses in clusters, far from the origin, some twice.
+TEST(FarthestPosesProperty, ChoosesByTheDefinition) {
+  for (std::uint64_t seed = 0; seed < 12; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const std::vector<Isometry3d> cluster = randomPoses(seed, 20);
+    const double width = seed % 3 == 0 ? 1 : seed % 3 == 1 ? 0.05 : 1e-4;
+    std::vector<Isometry3d> poses;
+    for (const Isometry3d& around : cluster) {
+      for (const Isometry3d& pose : randomPoses(100 * seed + poses.size(), 30)) {
+        const Eigen::AngleAxisd turn(pose.linear());
+        poses.push_back(Eigen::Translation3d(3, -2, 1) * around * Eigen::Translation3d(width * pose.translation()) *
+                        Eigen::AngleAxisd(width * turn.angle(), turn.axis()));
+      }
+      poses.push_back(around);
+      poses.push_back(poses.back());
+    }
+    for (const std::size_t count : {1, 7, 70, 400}) {
+      EXPECT_EQ(farthestPoses(poses, count, kScale).chosen, chosenByDefinition(poses, count)) << count;
+    }
+  }
+}
+
 // The radius is that of the choice, and no other choice halves it.
 TEST(FarthestPosesProperty, RadiusHoldsAndIsWithinTwiceTheLeast) {
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
