@@ -34,8 +34,9 @@ int conclude(const std::vector<SetReport>& reports) {
     if (report.state == SetReport::State::built) built.push_back(report.summary);
   }
   fmt::print("{}", summaryTable(built));
-  fmt::print("{} sets built, {} unchanged, {} failed{}, {} stopped before they were done\n", counts[0], counts[1],
-             counts[2], known > 0 ? fmt::format(" ({} known)", known) : "", counts[3]);
+  fmt::print("{} {} built, {} unchanged, {} failed{}, {} stopped before they were done\n", counts[0],
+             counts[0] == 1 ? "set" : "sets", counts[1], counts[2], known > 0 ? fmt::format(" ({} known)", known) : "",
+             counts[3]);
   for (const SetReport& report : reports) {
     if (report.state != SetReport::State::failed) continue;
     fmt::print("failed{}: {} x {}: {}\n        repeat with: {}\n",

@@ -46,7 +46,9 @@ int runExport(ExportCommand command, const Database& database) {
         const fs::path target = fs::path(command.folder) / file.name;
         replaceContent(target, file.content);
         fmt::print("{}{}\n", target.string(),
-                   file.grasps > 0 ? fmt::format(": {} grasps of {}", file.grasps, path) : ": the object's mesh");
+                   file.grasps > 0
+                       ? fmt::format(": {} {} of {}", file.grasps, file.grasps == 1 ? "grasp" : "grasps", path)
+                       : ": the object's mesh");
       }
     } catch (const InputError& error) {
       logError(error.what());

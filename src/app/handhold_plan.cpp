@@ -70,8 +70,8 @@ int runRank(const Options& options) {
   if (options.format == "json") {
     fmt::print("{}\n", rankingJson(planner, ranking, options.top));
   } else {
-    fmt::print("{}{} grasps of {}, score {}{}\n", rankingTable(planner, ranking, options), ranking.grasps.size(),
-               planner.scene().target, options.score,
+    fmt::print("{}{} {} of {}, score {}{}\n", rankingTable(planner, ranking, options), ranking.grasps.size(),
+               ranking.grasps.size() == 1 ? "grasp" : "grasps", planner.scene().target, options.score,
                options.calibrations.empty() ? "" : fmt::format(", gq by {}", fmt::join(options.calibrations, ", ")));
   }
   if (ranking.grasps.empty()) logWarning(fmt::format("the sets of {} have no grasp", planner.scene().target));

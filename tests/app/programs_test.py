@@ -116,8 +116,8 @@ class Programs(unittest.TestCase):
 
     def test_shards_are_parts_of_the_whole(self):
         objects = ("box.stl", "t_bar.ply")
-        self.assertIn("1 sets built", self.build("--shard", "0/3", objects=objects).stdout)
-        self.assertIn("1 sets built", self.build("--shard", "1/3", objects=objects).stdout)
+        self.assertIn("1 set built", self.build("--shard", "0/3", objects=objects).stdout)
+        self.assertIn("1 set built", self.build("--shard", "1/3", objects=objects).stdout)
         empty = self.build("--shard", "2/3", objects=objects)
         self.assertEqual((empty.returncode, empty.stdout.splitlines()[-1]),
                          (0, "0 sets built, 0 unchanged, 0 failed, 0 stopped before they were done"))
@@ -584,7 +584,7 @@ class Programs(unittest.TestCase):
         job.write_text(job.read_text().replace("catalog:\n", "catalog:\n  - {name: bad, mesh: bad.stl, unit: m}\n"))
         result = run("build", job, "--db", self.db, "--progress", "none")
         self.assertEqual(result.returncode, 1)
-        self.assertIn("1 sets built, 0 unchanged, 1 failed", result.stdout)
+        self.assertIn("1 set built, 0 unchanged, 1 failed", result.stdout)
         self.assertIn("repeat with: handhold build", result.stdout)
         record = self.db / "bad/jaw/failed.json"
         failure = json.loads(record.read_text())
