@@ -112,6 +112,7 @@ int labelSets(const PhysicsCommand& command, const Database& database) {
       ++failed;
     }
   }
+  progress.end(finished);
   if (finished < files.size()) logWarning(fmt::format("stopped: {} of {} sets are done", finished, files.size()));
   return failed == 0 && finished == files.size() ? kExitDone : kExitItemFailed;
 }

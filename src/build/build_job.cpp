@@ -304,6 +304,7 @@ std::vector<SetReport> buildJob(const Job& job, const std::vector<Hand>& hands, 
       if (!cancel) run.runObject(selection);
     }
     reports = run.finish();
+    progress.end(reports.size());
   }
   std::set<std::pair<std::string, std::string>> reported;
   for (const SetReport& report : reports) reported.emplace(report.object, report.hand);

@@ -90,6 +90,7 @@ void Progress::watch() {
     if (mode_ == ProgressMode::plain) logInfo(line());
     if (mode_ == ProgressMode::json) logInfo(json());
   }
+  if (mode_ == ProgressMode::json) logInfo(json());
 }
 
 }  // namespace handhold

@@ -19,7 +19,7 @@ struct ProgressWords {
 };
 
 /// Tells on stderr how far a build is: a line that is rewritten on a terminal, else a line every ten seconds (plain) or
-/// every second as JSON. A thread of its own sleeps in between.
+/// every second and at the end as JSON. A thread of its own sleeps in between.
 class Progress {
  public:
   Progress(ProgressMode mode, std::size_t sets, std::size_t expectedTrials, ProgressWords words = {});
@@ -27,6 +27,8 @@ class Progress {
 
   /// Names what is being built; `finishedSets` are behind us, `skippedTrials` will not be run at all.
   void begin(const std::string& what, std::size_t finishedSets);
+  /// Nothing more is being built.
+  void end(std::size_t finishedSets) { begin("", finishedSets); }
   void skipTrials(std::size_t trials) { expectedTrials_ -= std::min(trials, expectedTrials_.load()); }
   BuildCounters& counters() { return counters_; }
 
