@@ -17,12 +17,12 @@
 #include <map>
 #include <memory>
 #include <new>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <utility>
 
 #include <fmt/format.h>
-#include <sys/stat.h>
 
 namespace handhold {
 namespace {
@@ -66,13 +66,6 @@ class TimeoutError : public std::runtime_error {
 /// N*R*M as far as it is known before sampling.
 std::size_t expectedTrials(const Job& job, const Hand& hand) { return job.samples * job.rolls * hand.preshapes.size(); }
 
-/// Which folder a path leads to, however it is called; none when it leads to no folder.
-std::optional<std::pair<dev_t, ino_t>> folderAt(const fs::path& path) {
-  struct stat status {};
-  if (::stat(path.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)) return std::nullopt;
-  return std::pair(status.st_dev, status.st_ino);
-}
-
 std::string absolutePath(const fs::path& path) { return fs::absolute(path).lexically_normal().string(); }
 
 /// The record of these inputs' failure, when they are to be left alone for it.
@@ -97,7 +90,7 @@ class JobRun {
         meshHashes_(database.folder()) {
     std::error_code error;
     fs::create_directories(database.folder(), error);  // the first write tells when it could not
-    folder_ = folderAt(database.folder());
+    folder_.emplace(database.folder());
   }
 
   void runObject(const Selection& selection) {
@@ -181,7 +174,7 @@ class JobRun {
 
   /// A database that was removed or unmounted meanwhile is not begun anew in its place.
   void requireSameFolder() const {
-    if (folder_ && folderAt(database_.folder()) != folder_) {
+    if (!folder_->isAt(database_.folder())) {
       throw SystemError(
           fmt::format("{}: is not the folder that the build began with: it was removed, moved or unmounted",
                       database_.folder().string()));
@@ -263,7 +256,7 @@ class JobRun {
 
   const Job& job_;
   const Database& database_;
-  std::optional<std::pair<dev_t, ino_t>> folder_;  // of the database
+  std::optional<OpenFolder> folder_;  // the database's, once it is there
   const BuildOptions& options_;
   const std::atomic<bool>& cancel_;
   Progress& progress_;

@@ -126,7 +126,9 @@ void Checkpoint::write(std::size_t chunk, std::span<SampleResults> samples) cons
   Archive archive;
   for (SampleResults& sample : samples) visit(archive, sample);
   std::error_code error;
-  fs::create_directories(folder_, error);
+  // Once: a database that vanishes while the set is built is not begun anew for the sake of chunks.
+  std::call_once(made_, [&] { fs::create_directories(folder_.parent_path(), error); });
+  fs::create_directory(folder_, error);
   const fs::path temporary = temporaryName(folder_);
   std::ofstream stream(temporary, std::ios::binary);
   stream << kMagic << hashBytes(archive.bytes().data(), archive.bytes().size()) << archive.bytes();

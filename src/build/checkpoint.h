@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <mutex>
 #include <span>
 #include <string>
 #include <vector>
@@ -43,6 +44,7 @@ class Checkpoint {
 
   std::filesystem::path folder_;
   std::size_t trialsPerChunk_;
+  mutable std::once_flag made_;
   mutable std::atomic<bool> warned_ = false;
 };
 

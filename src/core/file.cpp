@@ -17,6 +17,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <fnmatch.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 namespace handhold {
@@ -108,6 +109,20 @@ void createFolders(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw SystemError(fmt::format("{}: cannot be created: {}", folder.string(), error.message()));
+}
+
+OpenFolder::OpenFolder(const fs::path& path) : descriptor_(::open(path.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC)) {}
+
+OpenFolder::~OpenFolder() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+bool OpenFolder::isAt(const fs::path& path) const {
+  if (descriptor_ < 0) return true;
+  struct stat own {
+  }, other{};
+  if (::fstat(descriptor_, &own) != 0) return true;
+  return ::stat(path.c_str(), &other) == 0 && own.st_dev == other.st_dev && own.st_ino == other.st_ino;
 }
 
 fs::path temporaryName(const fs::path& folder) {

@@ -24,6 +24,23 @@ void replaceFile(const std::filesystem::path& temporary, const std::filesystem::
 /// Creates the folder and those above it. @throws SystemError  `PATH: cannot be created: REASON`
 void createFolders(const std::filesystem::path& folder);
 
+/// A folder that is kept open: no other gets its number on the disk meanwhile, so that one can tell whether a path
+/// still leads to it.
+class OpenFolder {
+ public:
+  /// What cannot be opened is nowhere known.
+  explicit OpenFolder(const std::filesystem::path& path);
+  ~OpenFolder();
+  OpenFolder(const OpenFolder&) = delete;
+  OpenFolder& operator=(const OpenFolder&) = delete;
+
+  /// False when the path leads elsewhere or nowhere; true when the folder is not known.
+  bool isAt(const std::filesystem::path& path) const;
+
+ private:
+  int descriptor_;
+};
+
 /// A name that is free in `folder`, starts with a dot and is unique to this process and call.
 std::filesystem::path temporaryName(const std::filesystem::path& folder);
 

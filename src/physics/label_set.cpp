@@ -44,7 +44,7 @@ class Chunks {
 
   void write(std::size_t chunk, const PhysicsSet& physics) const {
     std::error_code error;
-    fs::create_directories(folder_, error);
+    fs::create_directory(folder_, error);  // the set's folder is there, unless its database has vanished
     try {
       writePhysics(path(chunk), physics);
     } catch (const SystemError& failure) {

@@ -93,7 +93,7 @@ class Environment(unittest.TestCase):
 
     def build_without_folder(self, replace):
         """A build whose database is removed while it runs; `replace` is called before it goes on."""
-        self.write_job("{samples: 160, rolls: 32}")
+        self.write_job("{samples: 640, rolls: 32}")  # the first of ten chunks is long before the end
         process = subprocess.Popen(self.command(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         self.addCleanup(process.kill)
         while not list(self.db.glob("*/*/.chunks-*/*")):
@@ -110,7 +110,9 @@ class Environment(unittest.TestCase):
         """It is not begun anew where it was: that may be the place where it was mounted."""
         result = self.build_without_folder(lambda: None)
         self.assert_failed(result, "is not the folder that the build began with")
-        self.assertEqual(list(self.db.glob("*/*/v*.h5")), [])
+        self.assertIn("finished trials cannot be written there", result.stderr)
+        self.assert_nothing_half_made(self.db.rglob("*"))
+        self.assertEqual(list(self.db.glob("*/*/.chunks-*")), [])
         again = self.build()
         self.assertEqual(again.returncode, 0, again.stderr)
         self.assertEqual(len(list(self.db.glob("*/*/v*.h5"))), 1)

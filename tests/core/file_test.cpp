@@ -195,6 +195,24 @@ TEST_F(AbandonedTemporary, IsThatOfADeadProcessOrAnOldOne) {
   EXPECT_FALSE(isAbandonedTemporary(other));
 }
 
+// A file system may give a removed folder's number to the next one that is made.
+TEST_F(FileTest, AnOpenFolderIsNotOneMadeInItsPlace) {
+  const fs::path folder = folder_ / "open";
+  EXPECT_TRUE(OpenFolder(folder).isAt(folder));  // not there: nothing is known
+  fs::create_directories(folder);
+  {
+    const OpenFolder open(folder);
+    EXPECT_TRUE(open.isAt(folder));
+    EXPECT_TRUE(open.isAt(folder / "." / ""));
+    EXPECT_FALSE(open.isAt(folder.parent_path()));
+    fs::remove(folder);
+    EXPECT_FALSE(open.isAt(folder));
+    fs::create_directories(folder);
+    EXPECT_FALSE(open.isAt(folder));
+  }
+  EXPECT_TRUE(OpenFolder(folder).isAt(folder));
+}
+
 TEST(MatchesGlob, ShellPatterns) {
   EXPECT_TRUE(matchesGlob("mug", "*"));
   EXPECT_TRUE(matchesGlob("mug", "m?g"));
