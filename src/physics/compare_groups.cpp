@@ -50,6 +50,7 @@ std::vector<TestResult> pullAll(const PhysicsModel& model, const std::vector<con
                                 const JobSystem& jobs, const std::atomic<bool>& cancel) {
   std::vector<TestResult> results(postures.size());
   std::vector<GraspSimulator> simulators;
+  simulators.reserve(static_cast<std::size_t>(jobs.threads()));
   for (int i = 0; i < jobs.threads(); ++i) simulators.emplace_back(model);
   jobs.run(
       postures.size(), 1,

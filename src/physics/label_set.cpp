@@ -163,6 +163,7 @@ std::optional<PhysicsSet> labelSet(const SimulatedSet& set, const LabelRequest& 
   const Chunks chunks(folder, empty);
   const bool isKnown = known && known->settings == empty.settings && known->inputHash == empty.inputHash;
   std::vector<GraspSimulator> simulators;
+  simulators.reserve(static_cast<std::size_t>(jobs.threads()));
   for (int i = 0; i < jobs.threads(); ++i) simulators.emplace_back(set.model());
   for (std::size_t begin = 0, chunk = 0; begin < count; begin += kGraspsPerChunk, ++chunk) {
     const std::size_t end = std::min(count, begin + kGraspsPerChunk);

@@ -76,7 +76,7 @@ RandomStream streamOf(std::uint64_t seed, const std::string& robot, const std::s
 /// Draws scenes around one object for one robot.
 class SceneMaker {
  public:
-  SceneMaker(const Robot& robot, const std::string& object, TriangleMesh mesh, const ExperimentOptions& options)
+  SceneMaker(const Robot& robot, const std::string& object, const TriangleMesh& mesh, const ExperimentOptions& options)
       : robot_(robot), object_(object), box_(boundingBox(mesh)), options_(options) {
     if (!robot.workspace) {
       throw InputError(fmt::format("robot {}: robot.yaml has no workspace, want one for experiments", robot.name));

@@ -110,8 +110,8 @@ struct Planner::Impl {
     if (!s.joints) return q;
     const auto& joints = robot.body.joints;
     for (const auto& [name, value] : *s.joints) {
-      const auto at =
-          std::find_if(joints.begin(), joints.end(), [&](const Joint& joint) { return joint.name == name; });
+      const auto isNamed = [&wanted = name](const Joint& joint) { return joint.name == wanted; };
+      const auto at = std::find_if(joints.begin(), joints.end(), isNamed);
       if (at == joints.end()) {
         std::vector<std::string> names;
         for (const Joint& joint : joints) {

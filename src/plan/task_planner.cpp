@@ -53,7 +53,7 @@ JointPath reversed(JointPath path) {
 /// What stays whatever the task. None of it is the planner's, which ranks for other poses and arms while a task is
 /// searched: its collision world would be filled anew each time, and its validators lift what hangs in another hand.
 struct Tools {
-  Tools(Planner& p, TaskOptions o) : planner(p), robot(p.robot()), options(std::move(o)), world(robot) {
+  Tools(Planner& p, const TaskOptions& o) : planner(p), robot(p.robot()), options(o), world(robot) {
     ValidationSettings inTheAir = options.validation;
     inTheAir.lift = 0;
     for (int arm = 0; arm < static_cast<int>(robot.arms.size()); ++arm) {
@@ -701,7 +701,7 @@ struct TaskPlanner::Impl : Tools {
   using Tools::Tools;
 };
 
-TaskPlanner::TaskPlanner(Planner& planner, TaskOptions options) : impl_(new Impl(planner, std::move(options))) {}
+TaskPlanner::TaskPlanner(Planner& planner, const TaskOptions& options) : impl_(new Impl(planner, options)) {}
 TaskPlanner::~TaskPlanner() = default;
 
 TaskResult TaskPlanner::plan(const Task& task) {

@@ -61,7 +61,7 @@ struct TaskResult {
 class TaskPlanner {
  public:
   /// @param planner  ranks and holds sets; must outlive this; its scene changes
-  explicit TaskPlanner(Planner& planner, TaskOptions options = {});
+  explicit TaskPlanner(Planner& planner, const TaskOptions& options = {});
   ~TaskPlanner();
 
   /// @throws InputError  no set of an object with the hands of its arms

@@ -151,7 +151,7 @@ std::vector<TaskTrial> runTaskTrials(const std::function<Planner()>& makePlanner
   int found = 0;
   std::atomic<bool> enough = false;
   jobs.run(
-      static_cast<std::size_t>(kDrawnPerFeasible * feasible), 1,
+      static_cast<std::size_t>(kDrawnPerFeasible) * feasible, 1,
       [&](int worker, std::size_t index) {
         std::unique_ptr<Worker>& mine = workers[static_cast<std::size_t>(worker)];
         if (!mine) mine = std::make_unique<Worker>(makePlanner(), options);

@@ -185,7 +185,7 @@ void LoadMarginSolver::Method::analyse() {
   std::vector<bool> key(static_cast<std::size_t>(D * D), false);  // limits that share a group
   for (const Group& group : groups_) {
     for (const int a : group.rows) {
-      for (const int b : group.rows) key[static_cast<std::size_t>(a * D + b)] = true;
+      for (const int b : group.rows) key[static_cast<std::size_t>(a) * D + b] = true;
     }
   }
   std::vector<std::vector<int>> slot(static_cast<std::size_t>(nRows), std::vector<int>(nRows, -1));
@@ -240,7 +240,7 @@ void LoadMarginSolver::Method::makeProducts() {
     group.products.resize(6 * n + n * (n + 1) / 2, group.count);
     group.productSlot.clear();
     for (int a = 0, i = 0; a < n; ++a) {
-      const auto& slots = analysis_->slot[static_cast<std::size_t>(6 + group.rows[a])];
+      const auto& slots = analysis_->slot[6 + static_cast<std::size_t>(group.rows[a])];
       for (int k = 0; k < 6; ++k) {
         group.products.row(i++) = group.limits.row(a).cwiseProduct(wrenches.row(k));
         group.productSlot.push_back(slots[k]);

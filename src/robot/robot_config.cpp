@@ -39,6 +39,7 @@ int indexOf(const Items& items, const std::string& name) {
 template <typename Items>
 std::string namesOf(const Items& items) {
   std::vector<std::string> names;
+  names.reserve(items.size());
   for (const auto& item : items) names.push_back(item.name);
   return fmt::format("{}", fmt::join(names, ", "));
 }

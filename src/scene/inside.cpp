@@ -37,7 +37,7 @@ struct Inside::MeshCells {
   }
 
   std::size_t index(const Vector3i& cell) const {
-    return static_cast<std::size_t>((cell.z() * count.y() + cell.y()) * count.x() + cell.x());
+    return (static_cast<std::size_t>(cell.z()) * count.y() + cell.y()) * count.x() + cell.x();
   }
   Vector3i cellOf(const Vector3d& p) const {
     const Vector3i cell = ((p - box.min()) / edge).array().floor().cast<int>();

@@ -89,8 +89,8 @@ std::shared_ptr<const ObstacleShape> makeBoxShape(const Vector3d& size) {
 
 std::shared_ptr<const ObstacleShape> makeCylinderShape(double radius, double length) {
   TriangleMesh mesh = cylinderMesh(radius, length, kObstacleChordError);
-  const double segments = static_cast<double>(mesh.vertices.size() / 2 - 1);
-  const double growth = kRoundingRoom / std::cos(std::numbers::pi / segments);
+  const std::size_t segments = mesh.vertices.size() / 2 - 1;
+  const double growth = kRoundingRoom / std::cos(std::numbers::pi / static_cast<double>(segments));
   for (Vector3d& vertex : mesh.vertices) vertex = vertex.cwiseProduct(Vector3d(growth, growth, kRoundingRoom));
   return makeShape(ObstacleShape::Cylinder{radius, length}, std::move(mesh));
 }

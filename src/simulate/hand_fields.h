@@ -6,6 +6,7 @@
 #include "simulate/link_grid.h"
 #include "simulate/object_shell.h"
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -74,9 +75,9 @@ struct ColumnField {
   static constexpr std::int32_t kNone = -0x7FFF8001;  // bottom > top: no interval
 
   /// Bottom in the low half, top in the high one, in units.
-  Lattice<std::int32_t> interval[2];
-  float unit = 0;                     // m
-  std::vector<std::uint8_t> link[2];  // that ends the interval at its top
+  std::array<Lattice<std::int32_t>, 2> interval;
+  float unit = 0;                                 // m
+  std::array<std::vector<std::uint8_t>, 2> link;  // that ends the interval at its top
 };
 
 /// What a preshape fixes.

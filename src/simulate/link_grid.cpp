@@ -348,7 +348,8 @@ double LinkGrid::upperBound(const Vector3d& p) const {
   double offNode = 0;
   for (int i = 0; i < 3; ++i) {
     const double u = (p[i] - distance.origin[i]) / distance.step;
-    at[i] = static_cast<int>(u + 0.5);
+    const double nearest = u + 0.5;
+    at[i] = static_cast<int>(nearest);
     if (u < 0 || at[i] >= distance.size[i]) return std::numeric_limits<double>::infinity();
     offNode += (u - at[i]) * (u - at[i]);
   }
@@ -362,7 +363,8 @@ double LinkGrid::lowerBound(const Vector3d& p) const {
   for (int i = 0; i < 3; ++i) {
     const double u = (p[i] - distance.origin[i]) * steps;
     const double inside = std::clamp(u, 0.0, static_cast<double>(distance.size[i] - 1));
-    at[i] = static_cast<int>(inside + 0.5);
+    const double nearest = inside + 0.5;
+    at[i] = static_cast<int>(nearest);
     outside += (u - inside) * (u - inside);
     offNode += (inside - at[i]) * (inside - at[i]);
   }

@@ -202,6 +202,7 @@ SphereTree coverSurface(const TriangleMesh& mesh) {
   std::vector<SmallTriangle> pieces;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) split(mesh.corners(i), kLongest, 0, pieces);
   std::vector<Vector3d> place;
+  place.reserve(pieces.size());
   for (const SmallTriangle& piece : pieces) {
     place.push_back((piece.corners[0] + piece.corners[1] + piece.corners[2]) / 3);
   }
