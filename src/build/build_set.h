@@ -27,7 +27,7 @@ struct SampledObject {
 };
 
 /// Part of every input hash, and of every set: to be raised whenever a change of ours changes results.
-inline constexpr int kMethodVersion = 7;
+inline constexpr int kMethodVersion = 8;
 
 /// Loads and samples one object. @throws InputError, also when `cancel` becomes true while the file is read
 SampledObject loadSampledObject(const Job& job, const CatalogItem& item, const std::atomic<bool>* cancel = nullptr);

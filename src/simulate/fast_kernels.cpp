@@ -29,6 +29,9 @@ using M = hn::Mask<D>;
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
+alignas(64) constexpr std::array<std::uint32_t, kGroup> kNumbers = {0, 1, 2,  3,  4,  5,  6,  7,
+                                                                    8, 9, 10, 11, 12, 13, 14, 15};
+
 struct V3 {
   V x, y, z;
 };
@@ -69,9 +72,10 @@ struct Transform {
     translation = {hn::Set(d, X.translation[0]), hn::Set(d, X.translation[1]), hn::Set(d, X.translation[2])};
   }
 
+  HWY_INLINE V3 rotate(const V3& a) const { return {dot(row[0], a), dot(row[1], a), dot(row[2], a)}; }
   HWY_INLINE V3 operator()(const V3& a) const {
-    return {hn::Add(dot(row[0], a), translation.x), hn::Add(dot(row[1], a), translation.y),
-            hn::Add(dot(row[2], a), translation.z)};
+    const V3 b = rotate(a);
+    return {hn::Add(b.x, translation.x), hn::Add(b.y, translation.y), hn::Add(b.z, translation.z)};
   }
 };
 
@@ -80,12 +84,95 @@ HWY_INLINE V3 load(const float* x, const float* y, const float* z) {
   return {hn::LoadU(d, x), hn::LoadU(d, y), hn::LoadU(d, z)};
 }
 
-/// Three of the arrays, each at the indices.
-template <class Arrays>
-HWY_INLINE V3 gather(const Arrays& arrays, int k, VI at) {
+#if HWY_TARGET != HWY_SCALAR
+/// Records' blocks of four numbers, one of every four records: block b of the vector is of record at[4 b].
+template <class DT>
+HWY_INLINE hn::Vec<DT> blocksOf(DT dt, const float* base, std::size_t stride, const std::uint32_t* at) {
+  if constexpr (hn::MaxLanes(DT()) <= 4) {
+    return hn::LoadU(dt, base + stride * at[0]);
+  } else {
+    const hn::Half<DT> half;
+    return hn::Combine(dt, blocksOf(half, base, stride, at + hn::MaxLanes(dt) / 2), blocksOf(half, base, stride, at));
+  }
+}
+
+/// Turns four vectors of blocks: lane j of a block of the k-th becomes lane k of the same block of the j-th.
+HWY_INLINE void turnBlocks(V (&v)[4]) {
   const D d;
-  return {hn::GatherIndex(d, arrays[k].data(), at), hn::GatherIndex(d, arrays[k + 1].data(), at),
-          hn::GatherIndex(d, arrays[k + 2].data(), at)};
+  const hn::RepartitionToWide<D> wide;
+  const auto lower = [&](V a, V b) {
+    return hn::BitCast(d, hn::InterleaveLower(wide, hn::BitCast(wide, a), hn::BitCast(wide, b)));
+  };
+  const auto upper = [&](V a, V b) {
+    return hn::BitCast(d, hn::InterleaveUpper(wide, hn::BitCast(wide, a), hn::BitCast(wide, b)));
+  };
+  const V a = hn::InterleaveLower(d, v[0], v[1]), b = hn::InterleaveUpper(d, v[0], v[1]);
+  const V c = hn::InterleaveLower(d, v[2], v[3]), e = hn::InterleaveUpper(d, v[2], v[3]);
+  v[0] = lower(a, c);
+  v[1] = upper(a, c);
+  v[2] = lower(b, e);
+  v[3] = upper(b, e);
+}
+#endif
+
+/// Four numbers of the records `at`, `stride` numbers apart: fields[k] holds base[k] of each. Rows are loaded and
+/// turned, which takes a fraction of the time of four gathers.
+HWY_INLINE void loadFour(const float* base, std::size_t stride, const std::uint32_t* at, V (&fields)[4]) {
+  const D d;
+#if HWY_TARGET == HWY_SCALAR
+  for (int k = 0; k < 4; ++k) fields[k] = hn::Set(d, base[stride * at[0] + k]);
+#else
+  for (int k = 0; k < 4; ++k) fields[k] = blocksOf(d, base, stride, at + k);
+  turnBlocks(fields);
+#endif
+}
+
+/// The first kFields numbers of the records `at`.
+template <int kFields>
+struct Fields {
+  V value[kFields];
+
+  HWY_INLINE V3 vector(int k) const { return {value[k], value[k + 1], value[k + 2]}; }
+};
+template <int kFields, class R>
+HWY_INLINE Fields<kFields> loadRecords(const R* records, const std::uint32_t* at) {
+  const float* const base = records->value.data();
+  Fields<kFields> fields;
+  for (int k = 0; k < kFields; k += 4) {
+    V four[4];
+    loadFour(base + k, sizeof(R) / sizeof(float), at, four);
+    for (int j = 0; j < 4; ++j) fields.value[k + j] = four[j];
+  }
+  return fields;
+}
+
+#if HWY_TARGET != HWY_SCALAR
+/// The inverse of blocksOf, for records one after the other.
+template <class DT>
+HWY_INLINE void storeBlocks(DT dt, hn::Vec<DT> blocks, std::size_t stride, float* base) {
+  if constexpr (hn::MaxLanes(DT()) <= 4) {
+    hn::StoreU(blocks, dt, base);
+  } else {
+    const hn::Half<DT> half;
+    storeBlocks(half, hn::LowerHalf(half, blocks), stride, base);
+    storeBlocks(half, hn::UpperHalf(half, blocks), stride, base + stride * hn::MaxLanes(dt) / 2);
+  }
+}
+#endif
+
+/// The inverse of loadRecords, for records one after the other.
+template <int kFields>
+HWY_INLINE void storeRecords(const Fields<kFields>& fields, Record* to) {
+  float* const base = to->value.data();
+  for (int k = 0; k < kFields; k += 4) {
+#if HWY_TARGET == HWY_SCALAR
+    for (int j = 0; j < 4; ++j) base[k + j] = hn::GetLane(fields.value[k + j]);
+#else
+    V four[4] = {fields.value[k], fields.value[k + 1], fields.value[k + 2], fields.value[k + 3]};
+    turnBlocks(four);
+    for (int j = 0; j < 4; ++j) storeBlocks(D(), four[j], kGroup, base + k + j * kGroup);
+#endif
+  }
 }
 
 /// A lattice as loops need it: a copy, which what they store cannot change, so that nothing is loaded or worked out
@@ -114,11 +201,18 @@ struct Frame {
 /// Coordinates in lattice steps.
 HWY_INLINE V3 inSteps(const Frame& lattice, const V3& p) { return scaled(p - lattice.origin, lattice.inverse); }
 
-/// The nearest node's index, and whether the point's cell is one of the lattice.
-HWY_INLINE VI nearestNode(const Frame& lattice, const V3& p, M& inside) {
+/// From where `X` comes from into the lattice's steps at once.
+HWY_INLINE Transform stepsAfter(const Transform& X, const Frame& lattice) {
+  Transform result = X;
+  for (V3& row : result.row) row = scaled(row, lattice.inverse);
+  result.translation = inSteps(lattice, X.translation);
+  return result;
+}
+
+/// The nearest node's index for coordinates in steps, and whether the point's cell is one of the lattice.
+HWY_INLINE VI nearestNode(const Frame& lattice, const V3& u, M& inside) {
   const D d;
   const DI di;
-  const V3 u = inSteps(lattice, p);
   const auto half = hn::Set(d, 0.5F);
   const V3 b = {hn::Add(u.x, half), hn::Add(u.y, half), hn::Add(u.z, half)};
   const auto in = [&](V a, V size) { return hn::And(hn::Ge(a, hn::Zero(d)), hn::Lt(a, size)); };
@@ -133,7 +227,6 @@ struct Sampled {
   V distance;
   V3 gradient;
   V outside;
-  VI cell;
 };
 
 /// Distances at a node and at the next along x.
@@ -178,7 +271,6 @@ HWY_INLINE Sampled sample(const LinkGrid& grid, const V3& p) {
   const V inverse = hn::Set(d, 1.0F / lattice.step);
   Sampled result;
   result.distance = mix(y0, y1, f.z);
-  result.cell = index;
   result.gradient = {hn::Mul(mix(gx0, gx1, f.z), inverse),
                      hn::Mul(mix(hn::Sub(x10, x00), hn::Sub(x11, x01), f.z), inverse),
                      hn::Mul(hn::Sub(y1, y0), inverse)};
@@ -228,9 +320,6 @@ HWY_INLINE std::size_t storeSelected(M mask, hn::Vec<DU> value, std::uint32_t* t
   return storeSelected(du, hn::RebindMask(du, mask), value, to);
 }
 
-alignas(64) constexpr std::array<std::uint32_t, kGroup> kNumbers = {0, 1, 2,  3,  4,  5,  6,  7,
-                                                                    8, 9, 10, 11, 12, 13, 14, 15};
-
 /// first, first + 1, ... (Highway's Iota writes them one by one, and then waits for what it wrote)
 HWY_INLINE hn::Vec<DU> numbersFrom(std::size_t first) {
   const DU du;
@@ -243,7 +332,7 @@ std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree&
   const DU du;
   const std::size_t N = hn::Lanes(d);
   const Frame frame = Frame::of(coarse);
-  const Transform moved(placement);
+  const Transform steps = stepsAfter(Transform(placement), frame);
   std::size_t count = 0;
   const auto& super = tree.superblocks;
   const V size[3] = {hn::Set(d, static_cast<float>(coarse.size[0] - 1)),
@@ -251,7 +340,7 @@ std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree&
                      hn::Set(d, static_cast<float>(coarse.size[2] - 1))};
   alignas(64) std::uint32_t passing[kGroup];
   for (std::size_t i = 0; i < super.size(); i += N) {
-    const V3 u = inSteps(frame, moved(load(&super.x[i], &super.y[i], &super.z[i])));
+    const V3 u = steps(load(&super.x[i], &super.y[i], &super.z[i]));
     const V zero = hn::Zero(d);
     const auto off = [&](V a, V last) { return hn::Sub(a, hn::Min(hn::Max(a, zero), last)); };
     const V out = length({off(u.x, size[0]), off(u.y, size[1]), off(u.z, size[2])});
@@ -262,8 +351,8 @@ std::size_t SelectBlocks(const Lattice<std::uint32_t>& coarse, const SphereTree&
       const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
       for (std::size_t b = begin; b < std::min(begin + kGroup, tree.blocks.size()); b += N) {
         M inside;
-        const V3 p = moved(load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b]));
-        const VI node = nearestNode(frame, p, inside);
+        const V3 at = steps(load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b]));
+        const VI node = nearestNode(frame, at, inside);
         const auto cell =
             hn::BitCast(du, hn::GatherIndex(DI(), reinterpret_cast<const std::int32_t*>(coarse.value.data()), node));
         const auto first = hn::And(cell, hn::Set(du, 0xFFFFU)), last = hn::ShiftRight<16>(cell);
@@ -283,14 +372,14 @@ void SelectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, 
   const DU du;
   const std::size_t N = hn::Lanes(d);
   const Frame frame = Frame::of(fine);
-  const Transform moved(placement);
+  const Transform moved(placement), steps = stepsAfter(moved, frame);
   std::size_t count = points.count;
   for (const std::uint32_t block : blocks) {
     const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
     for (std::size_t i = begin; i < begin + kGroup; i += N) {
       M inside;
-      const V3 p = moved(load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
-      const VI node = nearestNode(frame, p, inside);
+      const V3 given = load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]);
+      const VI node = nearestNode(frame, steps(given), inside);
       const auto cell =
           hn::BitCast(du, hn::GatherIndex(DI(), reinterpret_cast<const std::int32_t*>(fine.value.data()), node));
       const auto first = hn::And(cell, hn::Set(du, 0xFFFFU));
@@ -299,6 +388,7 @@ void SelectPoints(const Lattice<std::uint32_t>& fine, const ObjectShell& shell, 
                                  hn::AndNot(hn::Lt(last, hn::Set(du, from)), hn::Lt(first, hn::Set(du, to))));
       const M mask = hn::RebindMask(d, touch);
       if (hn::AllFalse(d, mask)) continue;
+      const V3 p = moved(given);
       storeSelected(mask, p.x, points.x + count);
       storeSelected(mask, p.y, points.y + count);
       storeSelected(mask, p.z, points.z + count);
@@ -470,11 +560,19 @@ struct Interval {
 };
 HWY_INLINE Interval gatherInterval(const ColumnField& field, int k, VI node) {
   const D d;
-  const VI packed = hn::GatherIndex(DI(), field.interval[k].value.data(), node);
+  const VI packed = hn::GatherIndex(DI(), field.intervals.value.data()->data() + k, hn::ShiftLeft<1>(node));
   const VI bottom = hn::ShiftRight<16>(hn::ShiftLeft<16>(packed)), top = hn::ShiftRight<16>(packed);
   const V unit = hn::Set(d, field.unit);
   return {hn::Mul(hn::ConvertTo(d, bottom), unit), hn::Mul(hn::ConvertTo(d, top), unit),
           hn::Not(hn::RebindMask(d, hn::Gt(bottom, top)))};
+}
+
+/// x and y in a column field's steps, z in metres.
+HWY_INLINE Transform columnSteps(const Transform& X, const Frame& lattice) {
+  Transform result = stepsAfter(X, lattice);
+  result.row[2] = X.row[2];
+  result.translation.z = X.translation.z;
+  return result;
 }
 
 std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, const Placement& placement, float from,
@@ -482,13 +580,13 @@ std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, con
   const D d;
   const std::size_t N = hn::Lanes(d);
   std::size_t count = 0;
-  const auto& lattice = coarse.interval[0];
+  const auto& lattice = coarse.intervals;
   const Frame frame = Frame::of(lattice);
-  const Transform moved(placement);
+  const Transform steps = columnSteps(Transform(placement), frame);
   alignas(64) std::uint32_t passing[kGroup];
   const auto& super = tree.superblocks;
   for (std::size_t i = 0; i < super.size(); i += N) {
-    const V3 u = inSteps(frame, moved(load(&super.x[i], &super.y[i], &super.z[i])));
+    const V3 u = steps(load(&super.x[i], &super.y[i], &super.z[i]));
     const V zero = hn::Zero(d);
     const auto off = [&](V a, int size) {
       return hn::Sub(a, hn::Min(hn::Max(a, zero), hn::Set(d, static_cast<float>(size - 1))));
@@ -501,13 +599,11 @@ std::size_t SelectColumns(const ColumnField& coarse, const SphereTree& tree, con
       const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
       for (std::size_t b = begin; b < std::min(begin + kGroup, tree.blocks.size()); b += N) {
         M inside;
-        V3 p = moved(load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b]));
-        const V z = p.z;
-        p.z = zero;
-        const VI node = nearestNode(frame, p, inside);
+        const V3 p = steps(load(&tree.blocks.x[b], &tree.blocks.y[b], &tree.blocks.z[b]));
+        const VI node = nearestNode(frame, {p.x, p.y, zero}, inside);
         const Interval highest = gatherInterval(coarse, 0, node);
-        const M real = hn::And(highest.isThere, hn::Lt(hn::Abs(z), hn::Set(d, 1e3F)));
-        const M touch = hn::And(real, hn::And(inside, hn::Ge(hn::Sub(highest.top, z), hn::Set(d, from))));
+        const M real = hn::And(highest.isThere, hn::Lt(hn::Abs(p.z), hn::Set(d, 1e3F)));
+        const M touch = hn::And(real, hn::And(inside, hn::Ge(hn::Sub(highest.top, p.z), hn::Set(d, from))));
         count += storeSelected(touch, numbersFrom(b), ids + count);
       }
     }
@@ -521,18 +617,20 @@ std::size_t ColumnPoints(const ColumnField& fine, const ObjectShell& shell, std:
   const DU du;
   const std::size_t N = hn::Lanes(d);
   std::size_t count = 0;
-  const Frame frame = Frame::of(fine.interval[0]);
-  const Transform moved(placement);
+  const Frame frame = Frame::of(fine.intervals);
+  const Transform moved(placement), steps = columnSteps(moved, frame);
   for (const std::uint32_t block : blocks) {
     const std::size_t begin = static_cast<std::size_t>(block) * kGroup;
     for (std::size_t i = begin; i < begin + kGroup; i += N) {
       M inside;
-      const V3 p = moved(load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]));
-      const VI node = nearestNode(frame, {p.x, p.y, hn::Zero(d)}, inside);
+      const V3 given = load(&shell.point[0][i], &shell.point[1][i], &shell.point[2][i]);
+      const V3 u = steps(given);
+      const VI node = nearestNode(frame, {u.x, u.y, hn::Zero(d)}, inside);
       const Interval highest = gatherInterval(fine, 0, node);
-      const M above = hn::Ge(hn::Sub(highest.top, p.z), hn::Set(d, from));
+      const M above = hn::Ge(hn::Sub(highest.top, u.z), hn::Set(d, from));
       const M touch = hn::And(inside, hn::And(highest.isThere, above));
       if (hn::AllFalse(d, touch)) continue;
+      const V3 p = moved(given);
       storeSelected(touch, p.x, x + count);
       storeSelected(touch, p.y, y + count);
       storeSelected(touch, p.z, z + count);
@@ -580,6 +678,20 @@ float Climb(float t, std::size_t count, const float* const low[2], const float* 
   return t;
 }
 
+std::size_t LanesEndingIn(float floor, float top, std::size_t count, const float* low, const float* high,
+                          std::uint32_t* ids) {
+  const D d;
+  const std::size_t N = hn::Lanes(d);
+  std::size_t listed = 0;
+  for (std::size_t i = 0; i < count; i += N) {
+    const M ends = hn::Gt(hn::Min(hn::LoadU(d, high + i), hn::Set(d, top)), hn::Set(d, floor));
+    const M met = hn::And(hn::And(ends, hn::Le(hn::LoadU(d, low + i), hn::Set(d, top))), hn::FirstN(d, count - i));
+    if (hn::AllFalse(d, met)) continue;  // most often
+    listed += storeSelected(met, numbersFrom(i), ids + listed);
+  }
+  return listed;
+}
+
 void RefineExit(const PlacedGrid& grid, const Points& points, const float* start, float best, float* left) {
   constexpr int kRounds = 10;
   constexpr float kTouch = 5e-6F;  // m
@@ -617,15 +729,15 @@ void RefineExit(const PlacedGrid& grid, const Points& points, const float* start
 
 /// Which spheres may come within `margin` of a grid's surface, by the nearest node's value.
 struct NearTest {
-  Transform moved;
   Frame frame;
+  Transform steps;
   V3 last;  // nodes
   V margin, squaredStep, offNode;
   const std::int32_t* nodePairs;
 
   HWY_INLINE NearTest(const PlacedGrid& placed, float m)
-      : moved(placed.placement),
-        frame(Frame::of(placed.grid->distance)),
+      : frame(Frame::of(placed.grid->distance)),
+        steps(stepsAfter(Transform(placed.placement), frame)),
         margin(hn::Set(D(), m)),
         nodePairs(placed.grid->nodePairs.data()) {
     const D d;
@@ -639,7 +751,7 @@ struct NearTest {
   HWY_INLINE M operator()(const float* x, const float* y, const float* z, const float* radius) const {
     const D d;
     const DI di;
-    const V3 u = inSteps(frame, moved(load(x, y, z)));
+    const V3 u = steps(load(x, y, z));
     const V zero = hn::Zero(d), half = hn::Set(d, 0.5F);
     const auto clamp = [&](V a, V most) { return hn::Min(hn::Max(a, zero), most); };
     const V3 c = {clamp(u.x, last.x), clamp(u.y, last.y), clamp(u.z, last.z)};
@@ -649,6 +761,55 @@ struct NearTest {
     const M close = hn::Le(hn::Mul(dot(off, off), squaredStep), hn::Mul(reach, reach));
     const V value = gatherPair(nodePairs, frame.index(node(c.x), node(c.y), node(c.z))).here;
     return hn::And(close, hn::Le(value, hn::Add(reach, offNode)));
+  }
+};
+
+/// Which small triangles may come within `margin` of a grid's surface, by the plane of the node nearest to their
+/// sphere's center (LinkGrid::planes).
+struct PlaneTest {
+  Transform moved;
+  Frame frame;
+  V3 last;  // nodes
+  V step, margin;
+  const std::int32_t* planes;
+
+  HWY_INLINE PlaneTest(const PlacedGrid& placed, float m)
+      : moved(placed.placement),
+        frame(Frame::of(placed.grid->distance)),
+        step(hn::Set(D(), placed.grid->distance.step)),
+        margin(hn::Set(D(), m)),
+        planes(reinterpret_cast<const std::int32_t*>(placed.grid->planes.data())) {
+    const V one = hn::Set(D(), 1.0F);
+    last = {hn::Sub(frame.size.x, one), hn::Sub(frame.size.y, one), hn::Sub(frame.size.z, one)};
+  }
+
+  HWY_INLINE M operator()(const Fields<16>& triangle) const {
+    const D d;
+    const DI di;
+    const V3 center = moved(triangle.vector(12));
+    const V3 u = inSteps(frame, center);
+    const auto nearest = [&](V a, V most) {
+      return hn::ConvertTo(di, hn::Add(hn::Min(hn::Max(a, hn::Zero(d)), most), hn::Set(d, 0.5F)));
+    };
+    const VI x = nearest(u.x, last.x), y = nearest(u.y, last.y), z = nearest(u.z, last.z);
+    const auto along = [&](VI i, V origin) { return hn::MulAdd(hn::ConvertTo(d, i), step, origin); };
+    const V3 node = {along(x, frame.origin.x), along(y, frame.origin.y), along(z, frame.origin.z)};
+    const VI at = hn::ShiftLeft<1>(frame.index(x, y, z));
+    const VI first = hn::GatherIndex(di, planes, at), second = hn::GatherIndex(di, planes + 1, at);
+    const auto low = [&](VI a) { return hn::ConvertTo(d, hn::ShiftRight<16>(hn::ShiftLeft<16>(a))); };
+    const auto high = [&](VI a) { return hn::ConvertTo(d, hn::ShiftRight<16>(a)); };
+    const V3 g = scaled({low(first), high(first), low(second)}, hn::Set(d, 1.0F / LinkGrid::kDirectionUnit));
+    const V height = hn::Mul(high(second), hn::Set(d, LinkGrid::kUnit));
+    // g.(R p + t - n) = (R^T g).p + g.(t - n)
+    const V3 turned = {hn::MulAdd(moved.row[0].x, g.x, hn::MulAdd(moved.row[1].x, g.y, hn::Mul(moved.row[2].x, g.z))),
+                       hn::MulAdd(moved.row[0].y, g.x, hn::MulAdd(moved.row[1].y, g.y, hn::Mul(moved.row[2].y, g.z))),
+                       hn::MulAdd(moved.row[0].z, g.x, hn::MulAdd(moved.row[1].z, g.y, hn::Mul(moved.row[2].z, g.z)))};
+    const V lowest = hn::Min(dot(turned, triangle.vector(0)),
+                             hn::Min(dot(turned, triangle.vector(3)), dot(turned, triangle.vector(6))));
+    const V above = hn::Add(hn::Add(lowest, dot(g, moved.translation - node)), height);
+    const V farthest = hn::Add(length(center - node), triangle.value[15]);
+    const M known = hn::Lt(hn::Add(farthest, margin), hn::Set(d, static_cast<float>(LinkGrid::kPlaneReach)));
+    return hn::Not(hn::And(known, hn::Gt(above, margin)));
   }
 };
 
@@ -678,7 +839,6 @@ std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std:
                           float margin, std::uint32_t* scratch, std::uint32_t* ids) {
   const D d;
   const DU du;
-  const DI di;
   const std::size_t N = hn::Lanes(d);
   const NearTest isNear(grid, margin);
   std::size_t passing = 0;
@@ -691,36 +851,32 @@ std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std:
   }
   for (std::size_t i = passing; i < (passing + N - 1) / N * N; ++i) scratch[i] = 0;
   std::size_t count = 0;
+  const PlaneTest isNearPlane(grid, margin);
   for (std::size_t i = 0; i < passing; i += N) {
-    const auto id = hn::LoadU(du, scratch + i);
-    const VI at = hn::BitCast(di, id);
-    const Sampled middle = sample(*grid.grid, move(grid.placement, gather(shell.sphere, 0, at)));
-    const V error = hn::GatherIndex(d, grid.grid->error.data(), middle.cell);
-    const V radius = hn::GatherIndex(d, shell.sphere[3].data(), at);
-    const M near = hn::Le(hn::Sub(hn::Sub(middle.distance, error), radius), hn::Set(d, margin));
-    count += storeSelected(hn::And(near, hn::FirstN(d, passing - i)), id, ids + count);
+    const M near = isNearPlane(loadRecords<16>(shell.triangle.data(), scratch + i));
+    count += storeSelected(hn::And(near, hn::FirstN(d, passing - i)), hn::LoadU(du, scratch + i), ids + count);
   }
   return count;
 }
 
 void PlaceTriangles(const ObjectShell& shell, const Placement& placement, kernels::NearTriangles& near) {
   const D d;
-  const DU du;
-  const DI di;
   const std::size_t N = hn::Lanes(d);
+  const Transform moved(placement);
   const std::size_t count = near.id.size();
   const std::size_t full = (count + kGroup - 1) / kGroup * kGroup;
   near.id.resize(full, 0);
-  for (auto& array : near.value) array.resize(full);
+  near.record.resize(full);
   for (std::size_t i = 0; i < full; i += N) {
-    const VI at = hn::BitCast(di, hn::LoadU(du, &near.id[i]));
-    const auto store = [&](const V3& a, int k) {
-      hn::StoreU(a.x, d, &near.value[k][i]);
-      hn::StoreU(a.y, d, &near.value[k + 1][i]);
-      hn::StoreU(a.z, d, &near.value[k + 2][i]);
-    };
-    for (int k = 0; k < 3; ++k) store(move(placement, gather(shell.corner, 3 * k, at)), 3 * k);
-    store(rotate(placement, gather(shell.normal, 0, at)), 9);
+    const auto given = loadRecords<12>(shell.triangle.data(), &near.id[i]);
+    Fields<12> placed;
+    for (int k = 0; k < 12; k += 3) {
+      const V3 p = k < 9 ? moved(given.vector(k)) : moved.rotate(given.vector(k));
+      placed.value[k] = p.x;
+      placed.value[k + 1] = p.y;
+      placed.value[k + 2] = p.z;
+    }
+    storeRecords(placed, &near.record[i]);
   }
   near.id.resize(count);
 }
@@ -729,15 +885,15 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
   const D d;
   const DU du;
   const std::size_t N = hn::Lanes(d);
-  const auto& v = near.value;
-  const std::array<float, 19>* const whole = grid.whole.data();
+  const LinkGrid::Triangle* const whole = grid.triangle.data();
   std::size_t count = 0;
   // Neighbours stand together: what a group of near triangles cannot meet is passed over for all of them.
   for (std::size_t group = 0; group < near.id.size(); group += kGroup) {
     alignas(64) float bound[6][kGroup], own[12][kGroup];  // corners and normals in one place
     float around[6];
-    for (int k = 0; k < 12; ++k) {
-      for (std::size_t i = 0; i < kGroup; i += N) hn::Store(hn::LoadU(d, &v[k][group + i]), d, &own[k][i]);
+    for (std::size_t i = 0; i < kGroup; i += N) {
+      const auto fields = loadRecords<12>(&near.record[group], &kNumbers[i]);
+      for (int k = 0; k < 12; ++k) hn::Store(fields.value[k], d, &own[k][i]);
     }
     for (int axis = 0; axis < 3; ++axis) {
       V lowest = hn::Set(d, kInfinity), highest = hn::Set(d, -kInfinity);
@@ -773,7 +929,7 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
       std::size_t kept = 0;
       for (std::size_t k = 0; k < n; ++k) {
         const std::uint32_t b = ids[k];
-        const float* const box = &whole[b][13];
+        const float* const box = &whole[b].value[13];
         bool isMet = false;
         for (std::size_t i = 0; i < kGroup; i += N) {
           const auto along = [&](int axis) {
@@ -792,7 +948,7 @@ void FindPairs(const LinkGrid& grid, const kernels::NearTriangles& near, float r
         for (auto* array : {&pairs.a, &pairs.b}) array->resize(2 * count + 4 * kGroup);
         for (auto* array : {&pairs.enter, &pairs.leave}) array->resize(2 * count + 4 * kGroup);
       }
-      const float* const one = whole[b].data();
+      const float* const one = whole[b].value.data();
       const auto value = [&](int k) { return hn::Set(d, one[k]); };
       const V3 n = {value(9), value(10), value(11)};
       for (std::size_t i = 0; i < kGroup; i += N) {
@@ -839,17 +995,14 @@ void TouchIntervals(const LinkGrid& grid, const kernels::NearTriangles& near, st
   constexpr float kSlack = 5e-8F;     // m: neighbours overlap rather than leave a gap
   constexpr float kParallel = 1e-9F;  // squared sine
   const D d;
-  const DI di;
-  const DU du;
   const std::size_t N = hn::Lanes(d);
-  const V slack = hn::Set(d, kSlack), one = hn::Set(d, 1.0F);
+  const V slack = hn::Set(d, kSlack);
   for (std::size_t i = 0; i < count; i += N) {
-    const VI ia = hn::BitCast(di, hn::LoadU(du, &pairs.a[i])), ib = hn::BitCast(di, hn::LoadU(du, &pairs.b[i]));
-    const auto fromNear = [&](int k) { return gather(near.value, k, ia); };
-    const auto fromLink = [&](int k) { return gather(grid.triangle, k, ib); };
-    const V3 o[3] = {fromNear(0), fromNear(3), fromNear(6)};
-    const V3 w = fromNear(12);
-    const V3 l[3] = {fromLink(0), fromLink(3), fromLink(6)};
+    const auto ofNear = loadRecords<16>(near.record.data(), &pairs.a[i]);
+    const auto ofLink = loadRecords<12>(grid.triangle.data(), &pairs.b[i]);
+    const V3 o[3] = {ofNear.vector(0), ofNear.vector(3), ofNear.vector(6)};
+    const V3 w = ofNear.vector(12);
+    const V3 l[3] = {ofLink.vector(0), ofLink.vector(3), ofLink.vector(6)};
     V first = hn::Set(d, kInfinity), last = hn::Set(d, -kInfinity);
     const auto take = [&](M valid, V tau) {
       first = hn::IfThenElse(valid, hn::Min(first, tau), first);
@@ -857,10 +1010,13 @@ void TouchIntervals(const LinkGrid& grid, const kernels::NearTriangles& near, st
     };
     const V3 oe[3] = {o[1] - o[0], o[2] - o[1], o[0] - o[2]};
     const V3 le[3] = {l[1] - l[0], l[2] - l[1], l[0] - l[2]};
-    V objectLength[3], linkLength[3];
+    // How far beyond its ends each edge reaches, as a part of its length.
+    V beyondObject[3], beyondLink[3], objectLength[3], linkLength[3];
     for (int k = 0; k < 3; ++k) {
       objectLength[k] = length(oe[k]);
       linkLength[k] = length(le[k]);
+      beyondObject[k] = hn::Div(slack, objectLength[k]);
+      beyondLink[k] = hn::Div(slack, linkLength[k]);
     }
     // Corners of one against the face of the other; `sense` turns the motion around for the link's corners.
     const auto cornersAgainst = [&](const V3* corner, const V3* face, const V3* edge, const V* edgeLength,
@@ -892,14 +1048,13 @@ void TouchIntervals(const LinkGrid& grid, const kernels::NearTriangles& near, st
         const V3 r = l[k] - o[j];
         const V tau = hn::Div(dot(c, r), dot(c, w));
         const V3 q = {hn::NegMulAdd(tau, w.x, r.x), hn::NegMulAdd(tau, w.y, r.y), hn::NegMulAdd(tau, w.z, r.z)};
-        const V onObject = hn::Div(dot(cross(q, le[k]), c), cc);
-        const V onLink = hn::Div(dot(cross(q, oe[j]), c), cc);
+        const V onObject = dot(cross(q, le[k]), c), onLink = dot(cross(q, oe[j]), c);  // times cc
         const M crossing = hn::Gt(cc, hn::Mul(hn::Set(d, kParallel), hn::Mul(dot(oe[j], oe[j]), dot(le[k], le[k]))));
-        const auto on = [&](V x, V edge) {
-          const V beyond = hn::Div(slack, edge);
-          return hn::And(hn::Ge(x, hn::Neg(beyond)), hn::Le(x, hn::Add(one, beyond)));
+        const auto on = [&](V x, V beyond) {
+          const V before = hn::Mul(beyond, cc);
+          return hn::And(hn::Ge(x, hn::Neg(before)), hn::Le(x, hn::Add(cc, before)));
         };
-        take(hn::And(crossing, hn::And(on(onObject, objectLength[j]), on(onLink, linkLength[k]))), tau);
+        take(hn::And(crossing, hn::And(on(onObject, beyondObject[j]), on(onLink, beyondLink[k]))), tau);
       }
     }
     hn::StoreU(first, d, &pairs.enter[i]);
@@ -986,8 +1141,8 @@ HWY_INLINE M edgesAreApart(const V3& p0, const V3& p1, const V3& q0, const V3& q
 void KeepClose(const LinkGrid& grid, const ObjectShell& shell, const Placement& placement, float reach,
                WholePairs& pairs) {
   const D d;
-  const DI di;
   const DU du;
+  const Transform moved(placement);
   const std::size_t N = hn::Lanes(d);
   // Rounding, as coordinates can be as large as this.
   const auto& t = placement.translation;
@@ -999,15 +1154,16 @@ void KeepClose(const LinkGrid& grid, const ObjectShell& shell, const Placement& 
     const M isPair = hn::FirstN(d, pairs.count - i);
     const auto object = hn::IfThenElseZero(hn::RebindMask(du, isPair), hn::LoadU(du, &pairs.object[i]));
     const auto link = hn::IfThenElseZero(hn::RebindMask(du, isPair), hn::LoadU(du, &pairs.link[i]));
-    const VI ia = hn::BitCast(di, object), ib = hn::BitCast(di, link);
+    alignas(64) std::uint32_t objects[kGroup], links[kGroup];
+    hn::Store(object, du, objects);
+    hn::Store(link, du, links);
+    const auto ofObject = loadRecords<12>(shell.sourceTriangle.data(), objects);
+    const auto ofLink = loadRecords<12>(grid.triangle.data(), links);
     // Seen from the link's first corner, so that numbers are small.
-    const V3 origin = gather(grid.triangle, 0, ib);
-    const V3 l[3] = {{hn::Zero(d), hn::Zero(d), hn::Zero(d)},
-                     gather(grid.triangle, 3, ib) - origin,
-                     gather(grid.triangle, 6, ib) - origin};
-    const V3 o[3] = {move(placement, gather(shell.sourceCorner, 0, ia)) - origin,
-                     move(placement, gather(shell.sourceCorner, 3, ia)) - origin,
-                     move(placement, gather(shell.sourceCorner, 6, ia)) - origin};
+    const V3 origin = ofLink.vector(0);
+    const V3 l[3] = {{hn::Zero(d), hn::Zero(d), hn::Zero(d)}, ofLink.vector(3) - origin, ofLink.vector(6) - origin};
+    const V3 o[3] = {moved(ofObject.vector(0)) - origin, moved(ofObject.vector(3)) - origin,
+                     moved(ofObject.vector(6)) - origin};
     const Apart byLink = apartFrom(l, o, within), byObject = apartFrom(o, l, within);
     auto close = hn::Zero(du);
     const auto add = [&](int bit, M apart) {
@@ -1044,6 +1200,7 @@ HWY_EXPORT(RefineMotion);
 HWY_EXPORT(Distances);
 HWY_EXPORT(SelectColumns);
 HWY_EXPORT(ColumnIntervals);
+HWY_EXPORT(LanesEndingIn);
 HWY_EXPORT(RefineExit);
 HWY_EXPORT(Climb);
 HWY_EXPORT(ColumnPoints);
@@ -1086,6 +1243,10 @@ void columnIntervals(const ColumnField& field, std::size_t count, const std::uin
 }
 float climb(float t, std::size_t count, const float* const low[2], const float* const high[2]) {
   return HWY_DYNAMIC_DISPATCH(Climb)(t, count, low, high);
+}
+std::size_t lanesEndingIn(float floor, float top, std::size_t count, const float* low, const float* high,
+                          std::uint32_t* ids) {
+  return HWY_DYNAMIC_DISPATCH(LanesEndingIn)(floor, top, count, low, high, ids);
 }
 void refineExit(const PlacedGrid& grid, const Points& points, const float* start, float best, float* left) {
   HWY_DYNAMIC_DISPATCH(RefineExit)(grid, points, start, best, left);

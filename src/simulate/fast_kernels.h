@@ -72,6 +72,10 @@ void columnIntervals(const ColumnField& field, std::size_t count, const std::uin
 /// The end of the run of intervals that t lies in (arrays with room for whole groups).
 float climb(float t, std::size_t count, const float* const low[2], const float* const high[2]);
 
+/// The intervals, by index, that begin at or before `top` and, cut off there, end beyond `floor`. Returns their number.
+std::size_t lanesEndingIn(float floor, float top, std::size_t count, const float* low, const float* high,
+                          std::uint32_t* ids);
+
 /// The largest t <= start at which each point, moving along z with t, leaves the grid's link; -inf when it is not above
 /// `best`.
 void refineExit(const PlacedGrid& grid, const Points& points, const float* start, float best, float* left);
@@ -82,9 +86,9 @@ std::size_t nearBlocks(const PlacedGrid& grid, const SphereTree& tree, float mar
 std::size_t nearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
                           float margin, std::uint32_t* scratch, std::uint32_t* ids);
 
-/// Small triangles in a link's frame: corners (9), normal (3), velocity (3), as arrays that whole groups fill.
+/// Small triangles in a link's frame: corners (9), normal (3), velocity (3), in records that whole groups fill.
 struct NearTriangles {
-  std::array<std::vector<float>, 15> value;
+  std::vector<Record> record;
   std::vector<std::uint32_t> id;  // in the shell
 };
 

@@ -352,7 +352,7 @@ class FastPolicy final : public GraspPolicy {
     if (laneX_.size() >= room) return;
     for (auto* array : {&laneX_, &laneY_, &laneZ_, &low_[0], &low_[1], &high_[0], &high_[1]}) array->resize(room);
     for (auto* array : {&dueX_, &dueY_, &dueZ_}) array->resize(room);
-    for (auto* array : {&laneNode_, &laneFirst_, &dueFirst_}) array->resize(room);
+    for (auto* array : {&laneNode_, &laneFirst_, &dueFirst_, &endingLanes_}) array->resize(room);
   }
 
   /// The same for the shell's points.
@@ -390,11 +390,13 @@ class FastPolicy final : public GraspPolicy {
     constexpr int kBands = 4;         // that (floor, top] spans
     for (auto& band : exitBands_) band.clear();
     for (int k = 0; k < 2; ++k) {
-      for (std::size_t i = 0; i < count; ++i) {
+      const std::size_t ending =
+          kernels::lanesEndingIn(floor, top, count, low_[k].data(), high_[k].data(), endingLanes_.data());
+      for (std::size_t j = 0; j < ending; ++j) {
+        const std::uint32_t i = endingLanes_[j];
         const float high = std::min(high_[k][i], top);
-        if (high <= floor || low_[k][i] > top) continue;
         const int band = std::min(static_cast<int>((top - high) / kBand), kBands - 1);
-        exitBands_[band].push_back({static_cast<std::uint32_t>(i), preshape_->fine.link[k][laneNode_[i]], high});
+        exitBands_[band].push_back({i, preshape_->fine.link[k][laneNode_[i]], high});
       }
     }
     float best = floor;
@@ -555,17 +557,13 @@ class FastPolicy final : public GraspPolicy {
       const Eigen::Isometry3f X_BL(X_LB_[k].inverse().cast<float>());
       for (std::size_t i = 0; i < search.pairs.count; ++i) {
         const std::uint32_t a = search.pairs.a[i], b = search.pairs.b[i];
-        const auto of = [](const auto& arrays, int begin, std::uint32_t at) {
-          return Eigen::Vector3f(arrays[begin][at], arrays[begin + 1][at], arrays[begin + 2][at]);
-        };
-        Eigen::Matrix3f object, link;
-        for (int c = 0; c < 3; ++c) {
-          object.col(c) = of(search.near.value, 3 * c, a);
-          link.col(c) = of(grid.triangle, 3 * c, b);
-        }
-        const Eigen::Vector3f velocity = of(search.near.value, 12, a);
-        muteIfSliding(X_BL, of(grid.triangle, 9, b), link.col(0), object, velocity);
-        muteIfSliding(X_BL, of(search.near.value, 9, a), object.col(0), link, velocity);
+        const float* const ofObject = search.near.record[a].value.data();
+        const float* const ofLink = grid.triangle[b].value.data();
+        const Eigen::Matrix3f object = Eigen::Map<const Eigen::Matrix3f>(ofObject);
+        const Eigen::Matrix3f link = Eigen::Map<const Eigen::Matrix3f>(ofLink);
+        const Eigen::Map<const Eigen::Vector3f> velocity(ofObject + 12);
+        muteIfSliding(X_BL, Eigen::Map<const Eigen::Vector3f>(ofLink + 9), link.col(0), object, velocity);
+        muteIfSliding(X_BL, Eigen::Map<const Eigen::Vector3f>(ofObject + 9), object.col(0), link, velocity);
       }
     }
   }
@@ -613,6 +611,20 @@ class FastPolicy final : public GraspPolicy {
     bool found = false;
     reserveLanes(kGroup * (blocks + 2));
     kernels::WaitingPoints waiting = {laneX_.data(), laneY_.data(), laneZ_.data(), laneFirst_.data(), 0};
+    Group group;
+    int groupBand = 0;  // of its first point
+    const auto flush = [&] {
+      if (group.count == 0) return;
+      group.pad();
+      // Close to the best the link cannot have passed through a point yet: then it lies inside at the best.
+      const bool close = best < static_cast<float>(unit) * static_cast<float>((groupBand + 2) << kShift);
+      if (found && close && !anyInside(motion, group.points, best)) return;
+      const float s = kernels::refineMotion(motion, grids_, group.points, group.start, static_cast<float>(from), best);
+      if (s >= best) return;
+      best = s;
+      found = true;
+      bestUnit = static_cast<std::uint32_t>(std::max(0.0F, best / static_cast<float>(unit))) + 1;
+    };
     for (int band = 0; band < kBands && (static_cast<std::uint32_t>(band) << kShift) < bestUnit; ++band) {
       kernels::selectPoints(motion.field->fine, *shell_, {&ordered_[begin[band]], begin[band + 1] - begin[band]},
                             placement, fromUnit, bestUnit, waiting);
@@ -620,28 +632,15 @@ class FastPolicy final : public GraspPolicy {
       if (begin[band] == begin[band + 1] && earliest >= end) continue;
       kernels::WaitingPoints due = {dueX_.data(), dueY_.data(), dueZ_.data(), dueFirst_.data(), 0};
       earliest = kernels::takeDue(end, bestUnit, waiting, due);
-      Group group;
-      const auto flush = [&] {
-        if (group.count == 0) return;
-        group.pad();
-        // Close to the best the link cannot have passed through a point yet: then it lies inside at the best.
-        const bool close = best < static_cast<float>(unit) * static_cast<float>((band + 2) << kShift);
-        if (found && close && !anyInside(motion, group.points, best)) return;
-        const float s =
-            kernels::refineMotion(motion, grids_, group.points, group.start, static_cast<float>(from), best);
-        if (s >= best) return;
-        best = s;
-        found = true;
-        bestUnit = static_cast<std::uint32_t>(std::max(0.0F, best / static_cast<float>(unit))) + 1;
-      };
       for (std::size_t i = 0; i < due.count; ++i) {
         if (due.first[i] >= bestUnit) continue;
         if (!muted_.empty() && isMuted({due.x[i], due.y[i], due.z[i]})) continue;
         const float start = std::max(static_cast<float>(from), static_cast<float>(due.first[i] * unit));
+        if (group.count == 0) groupBand = band;
         if (group.push(due.x[i], due.y[i], due.z[i], start)) flush();
       }
-      flush();
     }
+    flush();
     return found ? best : kInfinity;
   }
 
@@ -814,22 +813,23 @@ class FastPolicy final : public GraspPolicy {
   static bool isApproaching(const LinkGrid& grid, const Search& search, std::size_t pair) {
     const std::uint32_t a = search.pairs.a[pair], b = search.pairs.b[pair];
     double along = 0;
-    for (int k = 0; k < 3; ++k) along += search.near.value[12 + k][a] * grid.triangle[9 + k][b];
+    for (int k = 0; k < 3; ++k) along += search.near.record[a].value[12 + k] * grid.triangle[b].value[9 + k];
     return along < 0;
   }
 
   static void setVelocity(const Eigen::Vector3f& v, NearTriangles& near) {
-    for (int k = 0; k < 3; ++k) std::fill(near.value[12 + k].begin(), near.value[12 + k].end(), v[k]);
+    for (Record& record : near.record) std::copy_n(v.data(), 3, &record.value[12]);
   }
 
   /// The velocities of the triangles' middles.
   static void setVelocities(const Twist& twist, NearTriangles& near) {
     const Eigen::Vector3f turn = twist.turn.cast<float>(), shift = twist.shift.cast<float>();
-    for (std::size_t i = 0; i < near.id.size(); ++i) {
+    for (Record& record : near.record) {
+      auto& p = record.value;
       Eigen::Vector3f middle;
-      for (int k = 0; k < 3; ++k) middle[k] = (near.value[k][i] + near.value[3 + k][i] + near.value[6 + k][i]) / 3;
+      for (int k = 0; k < 3; ++k) middle[k] = (p[k] + p[3 + k] + p[6 + k]) / 3;
       const Eigen::Vector3f v = turn.cross(middle) + shift;
-      for (int k = 0; k < 3; ++k) near.value[12 + k][i] = v[k];
+      for (int k = 0; k < 3; ++k) p[12 + k] = v[k];
     }
   }
 
@@ -912,7 +912,7 @@ class FastPolicy final : public GraspPolicy {
   std::vector<float> laneX_, laneY_, laneZ_, low_[2], high_[2], innerLow_[2], innerHigh_[2];
   std::size_t lanes_ = 0;
   std::vector<float> dueX_, dueY_, dueZ_;
-  std::vector<std::uint32_t> laneNode_, laneFirst_, dueFirst_;
+  std::vector<std::uint32_t> laneNode_, laneFirst_, dueFirst_, endingLanes_;
   std::vector<Group> exitGroups_ = std::vector<Group>(hand_.links.size());
   std::array<std::vector<ExitLane>, 4> exitBands_;
   std::vector<std::pair<double, double>> intervals_;

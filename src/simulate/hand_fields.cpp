@@ -346,7 +346,7 @@ ColumnField innerColumns(const HandFields& fields, const PreshapeFields& preshap
                          const std::atomic<bool>* cancel) {
   constexpr double kWalkStep = 1e-3;  // m
   ColumnField field = outer;
-  const Lattice<std::int32_t>& lattice = outer.interval[0];
+  const auto& lattice = outer.intervals;
   const double radius = std::sqrt(0.5) * lattice.step + 0.5 * kWalkStep;
   const auto isInside = [&](const Vector3d& p) {
     return std::any_of(fields.links.begin(), fields.links.end(), [&](int link) {
@@ -359,7 +359,7 @@ ColumnField innerColumns(const HandFields& fields, const PreshapeFields& preshap
       const std::size_t i = lattice.index(x, y, 0);
       std::vector<std::pair<double, double>> runs;  // bottom, top
       for (int k = 0; k < 2; ++k) {
-        const auto [lowest, highest] = unpacked(outer.interval[k].value[i], outer.unit);
+        const auto [lowest, highest] = unpacked(lattice.value[i][k], outer.unit);
         bool inside = false;
         for (double z = highest; z >= lowest; z -= kWalkStep) {
           const Vector3d node = lattice.node(x, y, 0);
@@ -372,7 +372,7 @@ ColumnField innerColumns(const HandFields& fields, const PreshapeFields& preshap
       std::sort(runs.begin(), runs.end(),
                 [](const auto& a, const auto& b) { return a.second - a.first > b.second - b.first; });
       for (std::size_t k = 0; k < 2; ++k) {
-        field.interval[k].value[i] =
+        field.intervals.value[i][k] =
             k < runs.size() ? packed(runs[k].first, runs[k].second, field.unit, true) : ColumnField::kNone;
       }
     }
@@ -413,24 +413,21 @@ ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape
   ColumnField field;
   const double farthest = std::max(std::abs(box.min().z()), std::abs(box.max().z())) + kBeyondBox;
   field.unit = static_cast<float>(farthest / kMostUnits);
-  Lattice<std::int32_t> empty;
-  empty.origin = box.min().cast<float>();
-  empty.origin.z() = 0;
-  empty.step = static_cast<float>(step);
-  empty.size = {static_cast<int>(std::ceil(box.sizes().x() / step)) + 1,
-                static_cast<int>(std::ceil(box.sizes().y() / step)) + 1, 1};
-  const std::size_t count = empty.index(0, 0, 1);
-  for (int k = 0; k < 2; ++k) {
-    field.interval[k] = empty;
-    field.interval[k].value.assign(count, ColumnField::kNone);
-    field.link[k].assign(count, 0);
-  }
+  auto& lattice = field.intervals;
+  lattice.origin = box.min().cast<float>();
+  lattice.origin.z() = 0;
+  lattice.step = static_cast<float>(step);
+  lattice.size = {static_cast<int>(std::ceil(box.sizes().x() / step)) + 1,
+                  static_cast<int>(std::ceil(box.sizes().y() / step)) + 1, 1};
+  const std::size_t count = lattice.index(0, 0, 1);
+  lattice.value.assign(count, {ColumnField::kNone, ColumnField::kNone});
+  for (auto& links : field.link) links.assign(count, 0);
   std::vector<PlacedLink> around;
   std::vector<Interval> intervals;
-  for (int y = 0; y < empty.size[1]; ++y) {
+  for (int y = 0; y < lattice.size[1]; ++y) {
     throwIfCancelled(cancel);
-    for (int x = 0; x < empty.size[0]; ++x) {
-      Vector3d start = empty.node(x, y, 0);
+    for (int x = 0; x < lattice.size[0]; ++x) {
+      Vector3d start = lattice.node(x, y, 0);
       around.clear();
       for (const PlacedLink& link : placed) {
         if ((link.center - start).head<2>().norm() <= link.grid->radius + reach) around.push_back(link);
@@ -438,8 +435,8 @@ ColumnField columnField(const HandFields& fields, const PreshapeFields& preshape
       start.z() = box.max().z();
       walkColumn(around, start, box.min().z(), reach, intervals);
       for (std::size_t k = 0; k < intervals.size(); ++k) {
-        const std::size_t i = empty.index(x, y, 0);
-        field.interval[k].value[i] = packed(intervals[k].bottom, intervals[k].top, field.unit, false);
+        const std::size_t i = lattice.index(x, y, 0);
+        lattice.value[i][k] = packed(intervals[k].bottom, intervals[k].top, field.unit, false);
         field.link[k][i] = static_cast<std::uint8_t>(intervals[k].link);
       }
     }

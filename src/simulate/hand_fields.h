@@ -75,7 +75,7 @@ struct ColumnField {
   static constexpr std::int32_t kNone = -0x7FFF8001;  // bottom > top: no interval
 
   /// Bottom in the low half, top in the high one, in units.
-  std::array<Lattice<std::int32_t>, 2> interval;
+  Lattice<std::array<std::int32_t, 2>> intervals;
   float unit = 0;                                 // m
   std::array<std::vector<std::uint8_t>, 2> link;  // that ends the interval at its top
 };

@@ -45,7 +45,7 @@ AlignedBox3d boxAround(const Corners& corners, double margin) {
   return {box.min().array() - margin, box.max().array() + margin};
 }
 
-/// Calls visit(x, y, z, distance) for every node within `reach` of the triangle.
+/// Calls visit(x, y, z, node, closest point of the triangle) for every node within `reach` of the triangle.
 template <class T, class Visit>
 void visitNear(const Lattice<T>& lattice, const Corners& corners, double reach, const Visit& visit) {
   const auto range = nodesIn(lattice, boxAround(corners, reach));
@@ -55,8 +55,8 @@ void visitNear(const Lattice<T>& lattice, const Corners& corners, double reach, 
       for (int x = range[0][0]; x < range[0][1]; ++x) {
         const Vector3d p = lattice.node(x, y, z);
         if (std::abs(normal.dot(p - corners[0])) > reach) continue;
-        const double distance = (p - closestPointOnTriangle(p, corners)).norm();
-        if (distance <= reach) visit(x, y, z, distance);
+        const Vector3d closest = closestPointOnTriangle(p, corners);
+        if ((p - closest).squaredNorm() <= reach * reach) visit(x, y, z, p, closest);
       }
     }
   }
@@ -157,63 +157,53 @@ void addSigns(const RayScene& scene, Lattice<float>& lattice) {
   }
 }
 
-/// How far the interpolated distance may lie above the true one in each cell, from second differences. Along an axis a
-/// function departs from its chord by at most a quarter of its kink, of which, when it falls between two nodes, each
-/// shows a part; across two axes by half of its twist.
-std::vector<float> interpolationErrors(const Lattice<float>& lattice) {
-  const auto& size = lattice.size;
-  const std::vector<float>& v = lattice.value;
-  const std::array<std::size_t, 3> stride = {1, lattice.index(0, 1, 0), lattice.index(0, 0, 1)};
-  std::array<std::vector<float>, 3> kinks;
-  for (int axis = 0; axis < 3; ++axis) {
-    kinks[axis].assign(v.size(), 0.0F);
-    std::array<int, 3> at{};
-    for (at[2] = 0; at[2] < size[2]; ++at[2]) {
-      for (at[1] = 0; at[1] < size[1]; ++at[1]) {
-        const std::size_t row = lattice.index(0, at[1], at[2]);
-        // Beyond the boundary the value stays what it is there.
-        const auto kinkAt = [&](std::size_t i, bool isFirst, bool isLast) {
-          const float before = v[isFirst ? i : i - stride[axis]], after = v[isLast ? i : i + stride[axis]];
-          return std::max(0.0F, before + after - 2 * v[i]);
-        };
-        const std::size_t last = row + size[0] - 1;
-        if (axis == 0) {
-          kinks[0][row] = kinkAt(row, true, false);
-          for (std::size_t i = row + 1; i < last; ++i) kinks[0][i] = kinkAt(i, false, false);
-          kinks[0][last] = kinkAt(last, false, true);
-        } else {
-          const bool isFirst = at[axis] == 0, isLast = at[axis] == size[axis] - 1;
-          for (std::size_t i = row; i <= last; ++i) kinks[axis][i] = kinkAt(i, isFirst, isLast);
+/// Per node the unit vector g from the surface's closest point c to it and g.c; zero where the surface is far.
+struct Closest {
+  std::array<std::vector<float>, 3> direction;
+  std::vector<float> offset;
+
+  explicit Closest(std::size_t nodes) : offset(nodes, 0.0F) { direction.fill(offset); }
+};
+
+/// A tangent plane at each node's closest point, raised above every triangle that comes within kPlaneReach of the node.
+std::vector<std::array<std::int16_t, 4>> planesOf(const Lattice<float>& lattice, const TriangleMesh& mesh,
+                                                  const std::vector<std::uint32_t>& visible, const Closest& closest) {
+  constexpr double kMost = std::numeric_limits<std::int16_t>::max(), kRounding = 1e-6;  // m
+  const auto& [gx, gy, gz] = closest.direction;
+  std::vector<float> top = closest.offset;
+  for (const std::uint32_t i : visible) {
+    const Corners corners = mesh.corners(i);
+    const auto range = nodesIn(lattice, boxAround(corners, LinkGrid::kPlaneReach));
+    const auto [a, b, c] = corners;
+    const Eigen::Vector3f p = a.cast<float>(), q = b.cast<float>(), r = c.cast<float>();
+    for (int z = range[2][0]; z < range[2][1]; ++z) {
+      for (int y = range[1][0]; y < range[1][1]; ++y) {
+        const std::size_t row = lattice.index(0, y, z);
+        for (std::size_t at = row + range[0][0]; at < row + range[0][1]; ++at) {
+          const float first = gx[at] * p.x() + gy[at] * p.y() + gz[at] * p.z();
+          const float second = gx[at] * q.x() + gy[at] * q.y() + gz[at] * q.z();
+          const float third = gx[at] * r.x() + gy[at] * r.y() + gz[at] * r.z();
+          top[at] = std::max(top[at], std::max(first, std::max(second, third)));
         }
       }
     }
   }
-  std::vector<float> error(v.size(), 0.0F);
-  for (int z = 0; z + 1 < size[2]; ++z) {
-    for (int y = 0; y + 1 < size[1]; ++y) {
-      const std::size_t row = lattice.index(0, y, z), end = row + size[0] - 1;
-      for (int axis = 0; axis < 3; ++axis) {
-        const std::size_t along = stride[axis], u = stride[(axis + 1) % 3], w = stride[(axis + 2) % 3];
-        const std::vector<float>& k = kinks[axis];
-        for (std::size_t i = row; i < end; ++i) {  // of the cell's four edges along the axis
-          const float low = std::max(k[i] + k[i + along], k[i + u] + k[i + u + along]);
-          const float high = std::max(k[i + w] + k[i + w + along], k[i + u + w] + k[i + u + w + along]);
-          error[i] += 0.25F * std::max(low, high);
+  std::vector<std::array<std::int16_t, 4>> planes(lattice.value.size());
+  std::size_t at = 0;
+  for (int z = 0; z < lattice.size[2]; ++z) {
+    for (int y = 0; y < lattice.size[1]; ++y) {
+      for (int x = 0; x < lattice.size[0]; ++x, ++at) {
+        const Vector3d g(gx[at], gy[at], gz[at]);
+        const double height = g.isZero() ? -LinkGrid::kPlaneReach : g.dot(lattice.node(x, y, z)) - top[at] - kRounding;
+        for (int k = 0; k < 3; ++k) {
+          planes[at][k] = static_cast<std::int16_t>(std::lround(g[k] * static_cast<double>(LinkGrid::kDirectionUnit)));
         }
-      }
-      const auto twist = [&](std::size_t i, std::size_t a, std::size_t b) {
-        return std::abs(v[i] - v[i + a] - v[i + b] + v[i + a + b]);
-      };
-      const auto [dx, dy, dz] = stride;
-      for (std::size_t i = row; i < end; ++i) {
-        const float across = std::max(std::max(std::max(twist(i, dx, dy), twist(i + dz, dx, dy)),
-                                               std::max(twist(i, dx, dz), twist(i + dy, dx, dz))),
-                                      std::max(twist(i, dy, dz), twist(i + dx, dy, dz)));
-        error[i] += 0.5F * across + 1e-6F;
+        planes[at][3] = static_cast<std::int16_t>(
+            std::floor(std::clamp(height / static_cast<double>(LinkGrid::kUnit), -kMost, kMost)));
       }
     }
   }
-  return error;
+  return planes;
 }
 
 std::vector<std::int32_t> nodePairsOf(const Lattice<float>& lattice) {
@@ -288,6 +278,7 @@ LinkGrid::LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel) {
   // Off the round numbers of drawings, so that no row of nodes runs within a face.
   layOut(distance, box.min() - Vector3d::Constant(kMargin) - step * Vector3d(0.137, 0.291, 0.411), extent, step);
   distance.value.assign(distance.index(0, 0, distance.size[2]), std::numeric_limits<float>::infinity());
+  Closest closest(distance.value.size());
   const RayScene scene(mesh);
   std::vector<std::uint32_t> visible;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
@@ -297,9 +288,14 @@ LinkGrid::LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel) {
     normal.push_back(mesh.normal(i));
     if (hidden) continue;
     visible.push_back(static_cast<std::uint32_t>(i));
-    visitNear(distance, corners, kBand, [&](int x, int y, int z, double d) {
-      float& value = distance.value[distance.index(x, y, z)];
-      value = std::min(value, static_cast<float>(d));
+    visitNear(distance, corners, kBand, [&](int x, int y, int z, const Vector3d& p, const Vector3d& c) {
+      const std::size_t at = distance.index(x, y, z);
+      const double d = (p - c).norm();
+      if (!(static_cast<float>(d) < distance.value[at])) return;
+      distance.value[at] = static_cast<float>(d);
+      const Vector3d g = (p - c) / d;
+      for (int k = 0; k < 3; ++k) closest.direction[k][at] = static_cast<float>(g[k]);
+      closest.offset[at] = static_cast<float>(g.dot(c));
     });
   }
   addTriangles(mesh, visible);
@@ -311,7 +307,7 @@ LinkGrid::LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel) {
   if (!closed) {
     for (float& value : distance.value) value -= static_cast<float>(kOpenShrink * step);
   }
-  error = interpolationErrors(distance);
+  planes = planesOf(distance, mesh, visible, closest);
   nodePairs = nodePairsOf(distance);
 }
 
@@ -326,17 +322,16 @@ void LinkGrid::addTriangles(const TriangleMesh& mesh, const std::vector<std::uin
   for (std::size_t at = 0; at < source.size(); ++at) {
     const std::uint32_t i = source[at];
     const Corners corners = mesh.corners(i);
-    for (int k = 0; k < 9; ++k) triangle[k].push_back(static_cast<float>(corners[k / 3][k % 3]));
-    for (int k = 0; k < 3; ++k) triangle[9 + k].push_back(static_cast<float>(normal[i][k]));
-    triangle[12].push_back(static_cast<float>(normal[i].dot(corners[0])));
+    auto& value = triangle.emplace_back().value;
+    for (int k = 0; k < 9; ++k) value[k] = static_cast<float>(corners[k / 3][k % 3]);
+    for (int k = 0; k < 3; ++k) value[9 + k] = static_cast<float>(normal[i][k]);
+    value[12] = static_cast<float>(normal[i].dot(corners[0]));
     const AlignedBox3d box = boxAround(corners, 0);
     boxes.push_back(at < visible.size() ? AlignedBox3f(box.min().cast<float>(), box.max().cast<float>()) : kNoBox);
   }
   triangleBoxes = padded(boxes);
-  whole.resize(source.size());
   for (std::size_t at = 0; at < source.size(); ++at) {
-    for (int k = 0; k < 13; ++k) whole[at][k] = triangle[k][at];
-    for (int k = 0; k < 6; ++k) whole[at][13 + k] = triangleBoxes.bound[k][at];
+    for (int k = 0; k < 6; ++k) triangle[at].value[13 + k] = triangleBoxes.bound[k][at];
   }
   boxes = boxesAround(boxes);
   blockBoxes = padded(boxes);

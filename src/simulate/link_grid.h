@@ -43,7 +43,9 @@ struct LinkGrid {
   static constexpr double kBand = 4e-3;        // m
   static constexpr double kMargin = 4e-3;      // m, of the lattice around the link
   static constexpr double kOpenShrink = 0.75;  // lattice steps
-  static constexpr float kUnit = 1e-6F;        // m, of `nodePairs`
+  static constexpr double kPlaneReach = 6e-3;  // m
+  static constexpr float kDirectionUnit = 32767;
+  static constexpr float kUnit = 1e-6F;  // m, of `nodePairs` and `planes`
 
   /// @throws Cancelled  soon after `cancel` became true
   explicit LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel = nullptr);
@@ -57,15 +59,19 @@ struct LinkGrid {
   /// For the kernels, which so gather half as often: per node its distance in the low half and that of the next node
   /// along x in the high one, in units, rounded down; what sixteen bits cannot hold is cut off at their ends.
   std::vector<std::int32_t> nodePairs;
-  std::vector<float> error;  // per cell, at its lowest node: how far above the truth interpolation may lie [m]
-  bool closed = false;       // oriented outward and without boundary
-  Eigen::Vector3d center;    // of the bounding sphere
-  double radius = 0;         // m
+  /// Per node: a direction g in the link frame, in 1 / kDirectionUnit, and a height h in units, rounded down. The part
+  /// of the surface that is left within kPlaneReach of the node n does not rise above the plane g.(x - n) = -h, so that
+  /// what lies at q stays g.(q - n) + h or more from that part. (-kPlaneReach stands where nothing is known.)
+  std::vector<std::array<std::int16_t, 4>> planes;
+  bool closed = false;     // oriented outward and without boundary
+  Eigen::Vector3d center;  // of the bounding sphere
+  double radius = 0;       // m
   Boxes triangleBoxes, blockBoxes, superblockBoxes;
-  /// Per triangle: corners (9), unit normal and offset (4), in 13 arrays; block b at 16 b.
-  std::array<std::vector<float>, 13> triangle;
-  /// The same for each triangle in one place: these 13 numbers, then its box as in Boxes.
-  std::vector<std::array<float, 19>> whole;
+  /// Per triangle, block b at 16 b: corners (9), unit normal and offset (4), its box as in Boxes (6).
+  struct alignas(16) Triangle {
+    std::array<float, 20> value{};
+  };
+  std::vector<Triangle> triangle;
   std::vector<std::uint32_t> source;    // of each triangle: its index in the mesh
   std::vector<Eigen::Vector3d> normal;  // unit, of each triangle of the mesh
 

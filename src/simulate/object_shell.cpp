@@ -220,7 +220,8 @@ ObjectShell::ObjectShell(const ObjectModel& object) : closed(object.watertight) 
   while (expectedPieces(mesh, longestEdge) > kMostTriangles && longestEdge < 1) longestEdge *= 1.25;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     const Corners corners = mesh.corners(i);
-    for (int k = 0; k < 9; ++k) sourceCorner[k].push_back(static_cast<float>((corners[k / 3] - center)[k % 3]));
+    Record& record = sourceTriangle.emplace_back();
+    for (int k = 0; k < 9; ++k) record.value[k] = static_cast<float>((corners[k / 3] - center)[k % 3]);
     sourceNormal.push_back(mesh.normal(i));
   }
   std::vector<SmallTriangle> pieces;
@@ -235,13 +236,14 @@ ObjectShell::ObjectShell(const ObjectModel& object) : closed(object.watertight) 
   SphereTree::Spheres spheres;
   for (const std::uint32_t i : orderByPlace(place)) {
     const SmallTriangle& piece = pieces[i];
-    for (int k = 0; k < 9; ++k) corner[k].push_back(static_cast<float>(piece.corners[k / 3][k % 3]));
-    const Vector3d& n = sourceNormal[piece.source];
-    for (int k = 0; k < 3; ++k) normal[k].push_back(static_cast<float>(n[k]));
+    Record& record = triangle.emplace_back();
+    for (int k = 0; k < 9; ++k) record.value[k] = static_cast<float>(piece.corners[k / 3][k % 3]);
+    for (int k = 0; k < 3; ++k) record.value[9 + k] = static_cast<float>(sourceNormal[piece.source][k]);
     const auto [c, r] = boundingSphere(piece.corners);
     const double rounded = 1.00001 * r + 1e-7;
-    for (int k = 0; k < 3; ++k) sphere[k].push_back(static_cast<float>(c[k]));
-    sphere[3].push_back(static_cast<float>(rounded));
+    for (int k = 0; k < 3; ++k) record.value[12 + k] = static_cast<float>(c[k]);
+    record.value[15] = static_cast<float>(rounded);
+    for (int k = 0; k < 4; ++k) sphere[k].push_back(record.value[12 + k]);
     spheres.add(c, rounded);
     source.push_back(piece.source);
   }

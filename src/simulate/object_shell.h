@@ -21,6 +21,11 @@ struct SphereTree {
   Spheres blocks, superblocks;  // both padded to a multiple of 16 with spheres that nothing can touch
 };
 
+/// Numbers that are used together, in one line of the cache.
+struct alignas(64) Record {
+  std::array<float, 16> value{};
+};
+
 /// An order of the indices, never empty, in which runs of 16 (and of 256) lie close together; the last is repeated up
 /// to a multiple of 16.
 std::vector<std::uint32_t> orderByPlace(const std::vector<Eigen::Vector3d>& place);
@@ -51,13 +56,13 @@ struct ObjectShell {
   std::array<std::vector<float>, 3> point;
 
   SphereTree triangleTree;
-  std::array<std::vector<float>, 9> corner;  // of the small triangles; block b at 16 b
-  std::array<std::vector<float>, 3> normal;  // unit, outward
-  std::array<std::vector<float>, 4> sphere;  // bounding sphere: x, y, z, radius
-  std::vector<std::uint32_t> source;         // the triangle of the object's mesh that a small one is part of
+  std::array<std::vector<float>, 4>
+      sphere;                         // bounding spheres of the small triangles: x, y, z, radius; block b at 16 b
+  std::vector<Record> triangle;       // the small triangles: corners (9), unit normal outward (3), sphere (4)
+  std::vector<std::uint32_t> source;  // the triangle of the object's mesh that a small one is part of
 
-  std::array<std::vector<float>, 9> sourceCorner;  // of the triangles of the object's mesh
-  std::vector<Eigen::Vector3d> sourceNormal;       // unit
+  std::vector<Record> sourceTriangle;         // of the object's mesh: corners (9)
+  std::vector<Eigen::Vector3d> sourceNormal;  // unit
 };
 
 }  // namespace handhold

@@ -67,7 +67,7 @@ std::vector<Interval> touchIntervals(const std::vector<Case>& cases) {
   TriangleMesh link;
   kernels::NearTriangles near;
   const std::size_t full = (cases.size() + kGroup - 1) / kGroup * kGroup;
-  for (auto& array : near.value) array.assign(full, 0);
+  near.record.resize(full);
   kernels::Pairs pairs;
   pairs.count = cases.size();
   pairs.a.assign(full, 0);
@@ -81,9 +81,10 @@ std::vector<Interval> touchIntervals(const std::vector<Case>& cases) {
     link.triangles.push_back({first, first + 1, first + 2});
     const Vector3d normal = (a[1] - a[0]).cross(a[2] - a[0]).normalized();
     for (int k = 0; k < 3; ++k) {
-      for (int corner = 0; corner < 3; ++corner) near.value[3 * corner + k][i] = static_cast<float>(a[corner][k]);
-      near.value[9 + k][i] = static_cast<float>(normal[k]);
-      near.value[12 + k][i] = static_cast<float>(velocity[k]);
+      for (int corner = 0; corner < 3; ++corner)
+        near.record[i].value[3 * corner + k] = static_cast<float>(a[corner][k]);
+      near.record[i].value[9 + k] = static_cast<float>(normal[k]);
+      near.record[i].value[12 + k] = static_cast<float>(velocity[k]);
     }
     near.id.push_back(static_cast<std::uint32_t>(i));
   }
@@ -364,13 +365,14 @@ ObjectShell shellOf(const Facets& facets) {
 std::vector<FeaturePairs> closeFeatures(const Facets& facets, const ObjectShell& shell) {
   LinkGrid grid(cylinderMesh(0.012, 0.05));  // of which the kernel takes only what is put in here
   grid.radius = 0.2;
-  for (auto& array : grid.triangle) array.clear();
+  grid.triangle.clear();
   kernels::WholePairs pairs;
   pairs.count = facets.link.triangles.size();
   for (auto* array : {&pairs.object, &pairs.link, &pairs.close}) array->assign(pairs.count + kGroup, 0);
   for (std::size_t i = 0; i < pairs.count; ++i) {
     const Corners corners = facets.link.corners(i);
-    for (int k = 0; k < 9; ++k) grid.triangle[k].push_back(static_cast<float>(corners[k / 3][k % 3]));
+    auto& value = grid.triangle.emplace_back().value;
+    for (int k = 0; k < 9; ++k) value[k] = static_cast<float>(corners[k / 3][k % 3]);
     pairs.object[i] = pairs.link[i] = static_cast<std::uint32_t>(i);
   }
   const Placement placement = Placement::of(facets.X_LO * Eigen::Translation3d(shell.center));

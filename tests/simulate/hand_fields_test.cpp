@@ -71,8 +71,7 @@ Vector3d blockCenter(const Vector3d& p, const RandomStream& stream) {
 
 /// Is z in one of the column's intervals?
 bool isCovered(const ColumnField& field, std::size_t node, double z) {
-  for (const Lattice<std::int32_t>& lattice : field.interval) {
-    const std::int32_t both = lattice.value[node];
+  for (const std::int32_t both : field.intervals.value[node]) {
     const std::int16_t bottom = static_cast<std::int16_t>(both & 0xFFFF), top = static_cast<std::int16_t>(both >> 16);
     if (bottom <= top && bottom * static_cast<double>(field.unit) <= z && z <= top * static_cast<double>(field.unit))
       return true;
@@ -87,15 +86,15 @@ void expectColumnsHold(const TabledHand& tabled) {
     const PreshapeFields& fields = tabled.fields.preshapes[preshape];
     for (std::uint64_t i = 0; i < kPoints; ++i) {
       const RandomStream stream = RandomStream(11).child(preshape).child(i);
-      Vector3d p = pointIn(fields.fine.interval[0], stream);
+      Vector3d p = pointIn(fields.fine.intervals, stream);
       p.z() = -0.05 + 0.3 * stream.uniform(3);
-      const std::size_t node = nodeOf(fields.fine.interval[0], {p.x(), p.y(), 0});
+      const std::size_t node = nodeOf(fields.fine.intervals, {p.x(), p.y(), 0});
       const bool isInside = tabled.isInside(tabled.fields.links, fields.X_LG, p);
       inside += isInside ? 1 : 0;
       if (isInside) {
         ASSERT_TRUE(isCovered(fields.fine, node, p.z())) << "preshape " << preshape << ", " << p.transpose();
         const Vector3d center = blockCenter(p, stream);
-        const std::size_t of = nodeOf(fields.coarse.interval[0], {center.x(), center.y(), 0});
+        const std::size_t of = nodeOf(fields.coarse.intervals, {center.x(), center.y(), 0});
         ASSERT_TRUE(isCovered(fields.coarse, of, center.z())) << "preshape " << preshape << ", " << p.transpose();
       }
       if (isCovered(fields.inner, node, p.z())) {
