@@ -223,7 +223,11 @@ class FastPolicy final : public GraspPolicy {
     trial.jointPosition = hand_.preshapes[preshape].jointPosition;
     preshape_ = &fields_->preshapes[preshape];
     X_HL_ = preshape_->X_HL;
-    for (Search& search : searches_) search.margin = -1;
+    for (Search& search : searches_) {
+      search.margin = -1;
+      search.isKnown = false;
+    }
+    ++trial_;
   }
 
   void closeAndGather(GraspTrial& trial) {
@@ -472,8 +476,23 @@ class FastPolicy final : public GraspPolicy {
     NearTriangles near;
     kernels::Pairs pairs;
     Isometry3d X_LS = Isometry3d::Identity();
-    double margin = -1;   // m, of the pairs; < 0: none of this trial
-    std::size_t due = 0;  // the pairs in front that may be the first to touch
+    double margin = -1;    // m, of the pairs; < 0: none of this trial
+    std::size_t due = 0;   // the pairs in front that may be the first to touch
+    bool isKnown = false;  // what it was for is known
+  };
+
+  /// The last touch of a motion. The next preshape often closes a finger from the same place (its spread does not move
+  /// it), which then need not be searched again, nor its links' contacts: those depend on the touches alone.
+  struct Known {
+    std::uint64_t trial = 0;  // in which it was found, as the contacts of all its links must have been
+    Isometry3d X_OH = Isometry3d::Identity(), X_HB = Isometry3d::Identity();  // B: the motion's base link
+    double from = 0;
+    Touch touch;
+    std::vector<int> touchedLinks;
+  };
+  struct KnownContacts {
+    std::uint64_t trial = 0;
+    std::vector<Contact> contacts;
   };
 
   /// The pairs of a link at X_LS within `margin`; with `facing` only those that face each other.
@@ -481,6 +500,7 @@ class FastPolicy final : public GraspPolicy {
     const LinkGrid& grid = *fields_->grids[link];
     search.X_LS = X_LS;
     search.margin = margin;
+    search.isKnown = false;
     search.near.id.clear();
     search.pairs.count = 0;
     if ((X_LS.translation() - grid.center).norm() > grid.radius + shell_->radius + margin) return;
@@ -526,14 +546,37 @@ class FastPolicy final : public GraspPolicy {
     return false;
   }
 
-  /// The first s >= from at which the motion touches, or its range.
+  /// The first s >= from at which the motion touches, or its range; searched only when it is not known.
   Touch touchOf(const Motion& motion, double from, const GraspTrial& trial) {
     if (from < -1e-9) throw Unsettled{};
     for (const auto& [joint, position] : motion.heldJoints) {
       if (std::abs(trial.jointPosition[joint] - position) > 1e-12) throw Unsettled{};
     }
-    X_BS_ = trial.X_OH.inverse() * fromShell();
-    if (motion.mover) X_BS_ = motion.X_BP * X_HL_[motion.baseLink].inverse() * X_BS_;
+    Known& known = known_[&motion - fields_->motions.data()];
+    const Isometry3d& X_HB = X_HL_[motion.baseLink];
+    const bool isKnown = known.trial > 0 && known.from == from && known.X_OH.matrix() == trial.X_OH.matrix() &&
+                         known.X_HB.matrix() == X_HB.matrix() &&
+                         std::all_of(motion.leaves.begin(), motion.leaves.end(), [&](const MotionLeaf& leaf) {
+                           return knownContacts_[leaf.link].trial == known.trial;
+                         });
+    if (!isKnown) {
+      X_BS_ = trial.X_OH.inverse() * fromShell();
+      if (motion.mover) X_BS_ = motion.X_BP * X_HB.inverse() * X_BS_;
+      known.trial = 0;  // until the search ends
+      known.touch = searchTouch(motion, from);
+      known.trial = trial_;
+      known.X_OH = trial.X_OH;
+      known.X_HB = X_HB;
+      known.from = from;
+      known.touchedLinks = touchedLinks_;
+      return known.touch;
+    }
+    touchedLinks_ = known.touchedLinks;
+    for (const MotionLeaf& leaf : motion.leaves) searches_[leaf.link].isKnown = true;
+    return known.touch;
+  }
+
+  Touch searchTouch(const Motion& motion, double from) {
     muted_.clear();
     for (int round = 0; round < kMostPlaces; ++round) {
       if (from >= motion.range) return {motion.range, false};
@@ -839,9 +882,16 @@ class FastPolicy final : public GraspPolicy {
     const Isometry3d X_HS = trial.X_OH.inverse() * fromShell();
     const double margin = settings_.contactDistance + 2e-6;
     for (const int link : fields_->links) {
+      Search& search = searches_[link];
+      auto& [knownSince, contacts] = knownContacts_[link];
+      if (search.isKnown) {
+        trial.contacts.insert(trial.contacts.end(), contacts.begin(), contacts.end());
+        continue;
+      }
+      knownSince = trial_;
+      contacts.clear();
       if (!hand_.links[link].contactAllowed) continue;
       const Isometry3d X_LS = X_HL_[link].inverse() * X_HS;
-      Search& search = searches_[link];
       if (!covers(link, X_LS, margin)) gather(link, X_LS, margin, shell_->closed, search);
       if (search.pairs.count == 0) continue;
       const LinkGrid& grid = *fields_->grids[link];
@@ -858,7 +908,8 @@ class FastPolicy final : public GraspPolicy {
                              wholePairs_.close[i], settings_.contactDistance, !object_.watertight, candidates_);
       }
       selectContacts(candidates_, settings_.contactsPerLink, settings_.contactSpacing, static_cast<std::uint16_t>(link),
-                     contactScratch_, trial.contacts);
+                     contactScratch_, contacts);
+      trial.contacts.insert(trial.contacts.end(), contacts.begin(), contacts.end());
     }
   }
 
@@ -918,6 +969,9 @@ class FastPolicy final : public GraspPolicy {
   std::vector<std::pair<double, double>> intervals_;
   kernels::Pairs crossing_;
   std::vector<Search> searches_ = std::vector<Search>(hand_.links.size());  // by link
+  std::vector<Known> known_ = std::vector<Known>(fields_->motions.size());
+  std::vector<KnownContacts> knownContacts_ = std::vector<KnownContacts>(hand_.links.size());
+  std::uint64_t trial_ = 0;  // counts
   std::vector<PlacedGrid> grids_;
   std::vector<Isometry3d> X_NB_, X_LB_;
   std::vector<Twist> twist_, leafTwist_;

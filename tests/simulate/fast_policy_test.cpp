@@ -459,6 +459,27 @@ TEST_P(ShippedHand, GivesEqualTrialsInAnyOrderAndFromAClone) {
   }
 }
 
+// A finger that starts where it did in the trial before is not closed again: that must not show.
+TEST_P(ShippedHand, PreshapesOneAfterTheOtherGiveWhatEachGivesAlone) {
+  const auto& [hand, fields] = fielded();
+  const ObjectModel& object = shippedObject("mug.obj");
+  const auto policy = makeFastPolicy(fields, hand, object, PolicyKind::surfaceNormal);
+  const auto preshapes = static_cast<int>(hand.preshapes.size());
+  int sameBackoff = 0;
+  for (GraspCandidate candidate : candidatesOn(object, hand, 60, kSeed + 6)) {
+    double before = -1;
+    for (int k = 0; k < 2 * preshapes; ++k) {  // each twice: the second time nothing has changed
+      candidate.preshape = k / 2;
+      const GraspTrial inARow = runAll(*policy, {candidate})[0];
+      const GraspTrial alone = runAll(*policy->clone(), {candidate})[0];
+      expectEqual(inARow, alone);
+      sameBackoff += inARow.backoff == before;
+      before = inARow.backoff;
+    }
+  }
+  EXPECT_GE(sameBackoff, 60 * preshapes);
+}
+
 TEST(FastPolicy, FieldsMadeAgainByMoreThreadsGiveEqualTrials) {
   const FieldedHand once(makeFingers(3)), again(makeFingers(3), 3);
   const ObjectModel& object = shippedObject("mug.obj");
