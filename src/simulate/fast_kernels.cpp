@@ -764,52 +764,63 @@ struct NearTest {
   }
 };
 
-/// Which small triangles may come within `margin` of a grid's surface, by the plane of the node nearest to their
-/// sphere's center (LinkGrid::planes).
+/// What may come within `margin` of a surface, by the plane of the node nearest to its middle (Planes).
 struct PlaneTest {
-  Transform moved;
   Frame frame;
+  Transform moved;
   V3 last;  // nodes
-  V step, margin;
-  const std::int32_t* planes;
+  V step, margin, reach;
+  const std::int32_t* nodes;
 
-  HWY_INLINE PlaneTest(const PlacedGrid& placed, float m)
-      : moved(placed.placement),
-        frame(Frame::of(placed.grid->distance)),
-        step(hn::Set(D(), placed.grid->distance.step)),
+  HWY_INLINE PlaneTest(const Planes& planes, const Placement& placement, float m)
+      : frame(Frame::of(planes.nodes)),
+        moved(placement),
+        step(hn::Set(D(), planes.nodes.step)),
         margin(hn::Set(D(), m)),
-        planes(reinterpret_cast<const std::int32_t*>(placed.grid->planes.data())) {
+        reach(hn::Set(D(), planes.reach)),
+        nodes(reinterpret_cast<const std::int32_t*>(planes.nodes.value.data())) {
     const V one = hn::Set(D(), 1.0F);
     last = {hn::Sub(frame.size.x, one), hn::Sub(frame.size.y, one), hn::Sub(frame.size.z, one)};
   }
 
-  HWY_INLINE M operator()(const Fields<16>& triangle) const {
+  /// In the frame of the points: near what lies at points q is a plane g.q + offset = 0.
+  struct Seen {
+    V3 g;
+    V offset;
+    V toMiddle;  // from the node
+    V outside;   // of the lattice
+  };
+
+  HWY_INLINE Seen from(const V3& middle) const {
     const D d;
     const DI di;
-    const V3 center = moved(triangle.vector(12));
+    const V3 center = moved(middle);
     const V3 u = inSteps(frame, center);
-    const auto nearest = [&](V a, V most) {
-      return hn::ConvertTo(di, hn::Add(hn::Min(hn::Max(a, hn::Zero(d)), most), hn::Set(d, 0.5F)));
-    };
-    const VI x = nearest(u.x, last.x), y = nearest(u.y, last.y), z = nearest(u.z, last.z);
+    const auto clamp = [&](V a, V most) { return hn::Min(hn::Max(a, hn::Zero(d)), most); };
+    const V3 c = {clamp(u.x, last.x), clamp(u.y, last.y), clamp(u.z, last.z)};
+    const auto nearest = [&](V a) { return hn::ConvertTo(di, hn::Add(a, hn::Set(d, 0.5F))); };
+    const VI x = nearest(c.x), y = nearest(c.y), z = nearest(c.z);
     const auto along = [&](VI i, V origin) { return hn::MulAdd(hn::ConvertTo(d, i), step, origin); };
     const V3 node = {along(x, frame.origin.x), along(y, frame.origin.y), along(z, frame.origin.z)};
     const VI at = hn::ShiftLeft<1>(frame.index(x, y, z));
-    const VI first = hn::GatherIndex(di, planes, at), second = hn::GatherIndex(di, planes + 1, at);
+    const VI first = hn::GatherIndex(di, nodes, at), second = hn::GatherIndex(di, nodes + 1, at);
     const auto low = [&](VI a) { return hn::ConvertTo(d, hn::ShiftRight<16>(hn::ShiftLeft<16>(a))); };
     const auto high = [&](VI a) { return hn::ConvertTo(d, hn::ShiftRight<16>(a)); };
-    const V3 g = scaled({low(first), high(first), low(second)}, hn::Set(d, 1.0F / LinkGrid::kDirectionUnit));
-    const V height = hn::Mul(high(second), hn::Set(d, LinkGrid::kUnit));
+    const V3 g = scaled({low(first), high(first), low(second)}, hn::Set(d, 1.0F / Planes::kDirectionUnit));
+    const V height = hn::Mul(high(second), hn::Set(d, Planes::kUnit));
     // g.(R p + t - n) = (R^T g).p + g.(t - n)
-    const V3 turned = {hn::MulAdd(moved.row[0].x, g.x, hn::MulAdd(moved.row[1].x, g.y, hn::Mul(moved.row[2].x, g.z))),
-                       hn::MulAdd(moved.row[0].y, g.x, hn::MulAdd(moved.row[1].y, g.y, hn::Mul(moved.row[2].y, g.z))),
-                       hn::MulAdd(moved.row[0].z, g.x, hn::MulAdd(moved.row[1].z, g.y, hn::Mul(moved.row[2].z, g.z)))};
-    const V lowest = hn::Min(dot(turned, triangle.vector(0)),
-                             hn::Min(dot(turned, triangle.vector(3)), dot(turned, triangle.vector(6))));
-    const V above = hn::Add(hn::Add(lowest, dot(g, moved.translation - node)), height);
-    const V farthest = hn::Add(length(center - node), triangle.value[15]);
-    const M known = hn::Lt(hn::Add(farthest, margin), hn::Set(d, static_cast<float>(LinkGrid::kPlaneReach)));
-    return hn::Not(hn::And(known, hn::Gt(above, margin)));
+    const auto back = [&](V a, V b, V e) { return hn::MulAdd(a, g.x, hn::MulAdd(b, g.y, hn::Mul(e, g.z))); };
+    return {{back(moved.row[0].x, moved.row[1].x, moved.row[2].x), back(moved.row[0].y, moved.row[1].y, moved.row[2].y),
+             back(moved.row[0].z, moved.row[1].z, moved.row[2].z)},
+            hn::Add(dot(g, moved.translation - node), height),
+            length(center - node),
+            hn::Mul(length(u - c), step)};
+  }
+
+  /// `lowest`: of g.q; `radius`: of what it is, around its middle.
+  HWY_INLINE M operator()(const Seen& seen, V lowest, V radius) const {
+    const M isKnown = hn::Lt(hn::Add(hn::Add(seen.toMiddle, radius), margin), reach);
+    return hn::Not(hn::And(isKnown, hn::Gt(hn::Add(lowest, seen.offset), margin)));
   }
 };
 
@@ -835,6 +846,39 @@ std::size_t NearBlocks(const PlacedGrid& grid, const SphereTree& tree, float mar
   return count;
 }
 
+std::size_t NearBoxes(const PlacedGrid& grid, const ObjectShell& shell, float margin, std::uint32_t* ids) {
+  const D d;
+  const std::size_t N = hn::Lanes(d);
+  const NearTest isNear(grid, margin);
+  const Planes& planes = grid.grid->blockPlanes;
+  const PlaneTest byPlane(planes, grid.placement, margin);
+  const V beyond = hn::Set(d, margin - planes.reach);
+  std::size_t count = 0;
+  alignas(64) std::uint32_t passing[kGroup];
+  const auto& super = shell.triangleTree.superblocks;
+  const auto& box = shell.triangleBox;
+  const std::size_t blocks = box[0].size();
+  for (std::size_t i = 0; i < super.size(); i += N) {
+    const M near = isNear(&super.x[i], &super.y[i], &super.z[i], &super.radius[i]);
+    const std::size_t n = storeSelected(near, numbersFrom(i), passing);
+    for (std::size_t k = 0; k < n; ++k) {
+      const std::size_t begin = static_cast<std::size_t>(passing[k]) * kGroup;
+      for (std::size_t b = begin; b < std::min(begin + kGroup, blocks); b += N) {
+        const V3 middle = load(&box[0][b], &box[1][b], &box[2][b]), half = load(&box[3][b], &box[4][b], &box[5][b]);
+        const auto seen = byPlane.from(middle);
+        const V3 steep = {hn::Abs(seen.g.x), hn::Abs(seen.g.y), hn::Abs(seen.g.z)};
+        const V radius = length(half);
+        // What lies outside the lattice is the reach farther away.
+        const M isWithin = hn::Le(seen.outside, hn::Add(radius, beyond));
+        const M mayBe = hn::Or(isWithin, hn::Le(seen.outside, hn::Zero(d)));
+        const M touch = hn::And(mayBe, byPlane(seen, hn::Sub(dot(seen.g, middle), dot(steep, half)), radius));
+        count += storeSelected(touch, numbersFrom(b), ids + count);
+      }
+    }
+  }
+  return count;
+}
+
 std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
                           float margin, std::uint32_t* scratch, std::uint32_t* ids) {
   const D d;
@@ -851,9 +895,13 @@ std::size_t NearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std:
   }
   for (std::size_t i = passing; i < (passing + N - 1) / N * N; ++i) scratch[i] = 0;
   std::size_t count = 0;
-  const PlaneTest isNearPlane(grid, margin);
+  const PlaneTest byPlane(grid.grid->planes, grid.placement, margin);
   for (std::size_t i = 0; i < passing; i += N) {
-    const M near = isNearPlane(loadRecords<16>(shell.triangle.data(), scratch + i));
+    const auto triangle = loadRecords<16>(shell.triangle.data(), scratch + i);
+    const auto seen = byPlane.from(triangle.vector(12));
+    const V lowest = hn::Min(dot(seen.g, triangle.vector(0)),
+                             hn::Min(dot(seen.g, triangle.vector(3)), dot(seen.g, triangle.vector(6))));
+    const M near = byPlane(seen, lowest, triangle.value[15]);
     count += storeSelected(hn::And(near, hn::FirstN(d, passing - i)), hn::LoadU(du, scratch + i), ids + count);
   }
   return count;
@@ -1205,6 +1253,7 @@ HWY_EXPORT(RefineExit);
 HWY_EXPORT(Climb);
 HWY_EXPORT(ColumnPoints);
 HWY_EXPORT(NearBlocks);
+HWY_EXPORT(NearBoxes);
 HWY_EXPORT(NearTriangles);
 HWY_EXPORT(PlaceTriangles);
 HWY_EXPORT(FindPairs);
@@ -1253,6 +1302,9 @@ void refineExit(const PlacedGrid& grid, const Points& points, const float* start
 }
 std::size_t nearBlocks(const PlacedGrid& grid, const SphereTree& tree, float margin, std::uint32_t* ids) {
   return HWY_DYNAMIC_DISPATCH(NearBlocks)(grid, tree, margin, ids);
+}
+std::size_t nearBoxes(const PlacedGrid& grid, const ObjectShell& shell, float margin, std::uint32_t* ids) {
+  return HWY_DYNAMIC_DISPATCH(NearBoxes)(grid, shell, margin, ids);
 }
 std::size_t nearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
                           float margin, std::uint32_t* scratch, std::uint32_t* ids) {

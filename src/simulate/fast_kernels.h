@@ -80,9 +80,12 @@ std::size_t lanesEndingIn(float floor, float top, std::size_t count, const float
 /// `best`.
 void refineExit(const PlacedGrid& grid, const Points& points, const float* start, float best, float* left);
 
-/// Blocks of the tree, and small triangles of these blocks, whose distance from the grid's surface may be at most
-/// `margin` [m]. `scratch`: room as for all triangles of the blocks. Return their number.
+/// Blocks of the tree whose distance from the grid's surface may be at most `margin` [m], or that may lie inside it.
+/// Returns their number.
 std::size_t nearBlocks(const PlacedGrid& grid, const SphereTree& tree, float margin, std::uint32_t* ids);
+/// Blocks of the shell's triangles, and triangles of these blocks, whose distance from the grid's surface may be at
+/// most `margin` [m]. `scratch`: room as for all triangles of the blocks. Return their number.
+std::size_t nearBoxes(const PlacedGrid& grid, const ObjectShell& shell, float margin, std::uint32_t* ids);
 std::size_t nearTriangles(const PlacedGrid& grid, const ObjectShell& shell, std::span<const std::uint32_t> blocks,
                           float margin, std::uint32_t* scratch, std::uint32_t* ids);
 

@@ -506,7 +506,7 @@ class FastPolicy final : public GraspPolicy {
     if ((X_LS.translation() - grid.center).norm() > grid.radius + shell_->radius + margin) return;
     const PlacedGrid placed = {&grid, Placement::of(X_LS)};
     const auto reach = static_cast<float>(margin);
-    const std::size_t blocks = kernels::nearBlocks(placed, shell_->triangleTree, reach, blockIds_.data());
+    const std::size_t blocks = kernels::nearBoxes(placed, *shell_, reach, blockIds_.data());
     if (blocks == 0) return;
     const std::size_t count =
         kernels::nearTriangles(placed, *shell_, {blockIds_.data(), blocks}, reach, scratchIds_.data(), nearIds_.data());

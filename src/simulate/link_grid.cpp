@@ -18,6 +18,8 @@ using Eigen::AlignedBox3f;
 using Eigen::Vector3d;
 
 constexpr double kStep = 1e-3;                 // m
+constexpr double kBlockStep = 4e-3;            // m
+constexpr float kBlockReach = 14e-3F;          // m
 constexpr std::size_t kMostNodes = 2'000'000;  // of one link; larger links get a wider step
 
 /// The nodes of `lattice` in a box, as half-open ranges.
@@ -157,23 +159,49 @@ void addSigns(const RayScene& scene, Lattice<float>& lattice) {
   }
 }
 
-/// Per node the unit vector g from the surface's closest point c to it and g.c; zero where the surface is far.
+/// Per node within reach of the surface its distance, the unit vector g to it from the closest point c, and g.c; +inf
+/// and zeros elsewhere.
 struct Closest {
+  std::vector<float> distance;
   std::array<std::vector<float>, 3> direction;
   std::vector<float> offset;
-
-  explicit Closest(std::size_t nodes) : offset(nodes, 0.0F) { direction.fill(offset); }
 };
 
-/// A tangent plane at each node's closest point, raised above every triangle that comes within kPlaneReach of the node.
-std::vector<std::array<std::int16_t, 4>> planesOf(const Lattice<float>& lattice, const TriangleMesh& mesh,
-                                                  const std::vector<std::uint32_t>& visible, const Closest& closest) {
+template <class T>
+Closest closestTo(const TriangleMesh& mesh, const std::vector<std::uint32_t>& visible, const Lattice<T>& lattice,
+                  double reach, const std::atomic<bool>* cancel) {
+  const std::size_t nodes = lattice.index(0, 0, lattice.size[2]);
+  Closest closest;
+  closest.distance.assign(nodes, std::numeric_limits<float>::infinity());
+  closest.offset.assign(nodes, 0.0F);
+  closest.direction.fill(closest.offset);
+  for (const std::uint32_t i : visible) {
+    throwIfCancelled(cancel);
+    visitNear(lattice, mesh.corners(i), reach, [&](int x, int y, int z, const Vector3d& p, const Vector3d& c) {
+      const std::size_t at = lattice.index(x, y, z);
+      const double d = (p - c).norm();
+      if (!(static_cast<float>(d) < closest.distance[at])) return;
+      closest.distance[at] = static_cast<float>(d);
+      const Vector3d g = (p - c) / d;
+      for (int k = 0; k < 3; ++k) closest.direction[k][at] = static_cast<float>(g[k]);
+      closest.offset[at] = static_cast<float>(g.dot(c));
+    });
+  }
+  return closest;
+}
+
+/// A tangent plane at each node's closest point, raised above every triangle that comes within the reach of the node;
+/// where there is none, one that lies as low as the reach says.
+void raisePlanes(const TriangleMesh& mesh, const std::vector<std::uint32_t>& visible, const Closest& closest,
+                 Planes& planes) {
   constexpr double kMost = std::numeric_limits<std::int16_t>::max(), kRounding = 1e-6;  // m
+  auto& lattice = planes.nodes;
+  const double reach = static_cast<double>(planes.reach);
   const auto& [gx, gy, gz] = closest.direction;
   std::vector<float> top = closest.offset;
   for (const std::uint32_t i : visible) {
     const Corners corners = mesh.corners(i);
-    const auto range = nodesIn(lattice, boxAround(corners, LinkGrid::kPlaneReach));
+    const auto range = nodesIn(lattice, boxAround(corners, reach));
     const auto [a, b, c] = corners;
     const Eigen::Vector3f p = a.cast<float>(), q = b.cast<float>(), r = c.cast<float>();
     for (int z = range[2][0]; z < range[2][1]; ++z) {
@@ -188,22 +216,23 @@ std::vector<std::array<std::int16_t, 4>> planesOf(const Lattice<float>& lattice,
       }
     }
   }
-  std::vector<std::array<std::int16_t, 4>> planes(lattice.value.size());
+  lattice.value.resize(top.size());
   std::size_t at = 0;
   for (int z = 0; z < lattice.size[2]; ++z) {
     for (int y = 0; y < lattice.size[1]; ++y) {
       for (int x = 0; x < lattice.size[0]; ++x, ++at) {
         const Vector3d g(gx[at], gy[at], gz[at]);
-        const double height = g.isZero() ? -LinkGrid::kPlaneReach : g.dot(lattice.node(x, y, z)) - top[at] - kRounding;
+        const bool isFar = closest.distance[at] == std::numeric_limits<float>::infinity();
+        const double height = isFar ? reach : g.dot(lattice.node(x, y, z)) - top[at] - kRounding;
+        auto& plane = lattice.value[at];
         for (int k = 0; k < 3; ++k) {
-          planes[at][k] = static_cast<std::int16_t>(std::lround(g[k] * static_cast<double>(LinkGrid::kDirectionUnit)));
+          plane[k] = static_cast<std::int16_t>(std::lround(g[k] * static_cast<double>(Planes::kDirectionUnit)));
         }
-        planes[at][3] = static_cast<std::int16_t>(
-            std::floor(std::clamp(height / static_cast<double>(LinkGrid::kUnit), -kMost, kMost)));
+        const double units = std::clamp(height / static_cast<double>(Planes::kUnit), -kMost, kMost);
+        plane[3] = static_cast<std::int16_t>(std::floor(units));
       }
     }
   }
-  return planes;
 }
 
 std::vector<std::int32_t> nodePairsOf(const Lattice<float>& lattice) {
@@ -277,27 +306,24 @@ LinkGrid::LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel) {
   const double step = std::max(kStep, std::cbrt(extent.prod() / static_cast<double>(kMostNodes)));
   // Off the round numbers of drawings, so that no row of nodes runs within a face.
   layOut(distance, box.min() - Vector3d::Constant(kMargin) - step * Vector3d(0.137, 0.291, 0.411), extent, step);
-  distance.value.assign(distance.index(0, 0, distance.size[2]), std::numeric_limits<float>::infinity());
-  Closest closest(distance.value.size());
   const RayScene scene(mesh);
   std::vector<std::uint32_t> visible;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     throwIfCancelled(cancel);
-    const Corners corners = mesh.corners(i);
-    const bool hidden = closed && isHidden(scene, corners, mesh.normal(i));
     normal.push_back(mesh.normal(i));
-    if (hidden) continue;
-    visible.push_back(static_cast<std::uint32_t>(i));
-    visitNear(distance, corners, kBand, [&](int x, int y, int z, const Vector3d& p, const Vector3d& c) {
-      const std::size_t at = distance.index(x, y, z);
-      const double d = (p - c).norm();
-      if (!(static_cast<float>(d) < distance.value[at])) return;
-      distance.value[at] = static_cast<float>(d);
-      const Vector3d g = (p - c) / d;
-      for (int k = 0; k < 3; ++k) closest.direction[k][at] = static_cast<float>(g[k]);
-      closest.offset[at] = static_cast<float>(g.dot(c));
-    });
+    if (!closed || !isHidden(scene, mesh.corners(i), mesh.normal(i))) visible.push_back(static_cast<std::uint32_t>(i));
   }
+  const Closest closest = closestTo(mesh, visible, distance, kBand, cancel);
+  distance.value = closest.distance;
+  planes.reach = static_cast<float>(kBand);
+  planes.nodes.origin = distance.origin;
+  planes.nodes.step = distance.step;
+  planes.nodes.size = distance.size;
+  raisePlanes(mesh, visible, closest, planes);
+  blockPlanes.reach = kBlockReach;
+  layOut(blockPlanes.nodes, box.min() - Vector3d::Constant(kBlockReach),
+         box.sizes() + Vector3d::Constant(2 * kBlockReach), std::max(kBlockStep, 4 * step));
+  raisePlanes(mesh, visible, closestTo(mesh, visible, blockPlanes.nodes, kBlockReach, cancel), blockPlanes);
   addTriangles(mesh, visible);
   throwIfCancelled(cancel);
   fillBeyondBand(distance);
@@ -307,7 +333,6 @@ LinkGrid::LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel) {
   if (!closed) {
     for (float& value : distance.value) value -= static_cast<float>(kOpenShrink * step);
   }
-  planes = planesOf(distance, mesh, visible, closest);
   nodePairs = nodePairsOf(distance);
 }
 

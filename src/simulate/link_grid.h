@@ -33,6 +33,17 @@ struct Boxes {
   std::size_t size() const { return bound[0].size(); }
 };
 
+/// Planes that tell what is near a surface: per node n of a lattice a direction g, in 1 / kDirectionUnit, and a height
+/// h, in kUnit, rounded down. No part of the surface within `reach` of n rises above the plane g.(x - n) = -h; so what
+/// lies within rho of n, rho < reach, at points q, is at least min(min_q g.(q - n) + h, reach - rho) away from it.
+struct Planes {
+  static constexpr float kDirectionUnit = 32767;
+  static constexpr float kUnit = 1e-6F;  // m
+
+  Lattice<std::array<std::int16_t, 4>> nodes;
+  float reach = 0;  // m; the lattice extends by as much beyond the surface, or `nodes` are those of another
+};
+
 /// The signed distance to a link's surface, negative inside, on a lattice in the link frame, and the link's triangles
 /// in blocks of 16 neighbours and superblocks of 16 blocks. Within `kBand` of the surface the distances are exact at
 /// the nodes; beyond they are lower bounds. Where the mesh is open its inside is not known: then distances are lowered
@@ -43,9 +54,7 @@ struct LinkGrid {
   static constexpr double kBand = 4e-3;        // m
   static constexpr double kMargin = 4e-3;      // m, of the lattice around the link
   static constexpr double kOpenShrink = 0.75;  // lattice steps
-  static constexpr double kPlaneReach = 6e-3;  // m
-  static constexpr float kDirectionUnit = 32767;
-  static constexpr float kUnit = 1e-6F;  // m, of `nodePairs` and `planes`
+  static constexpr float kUnit = 1e-6F;        // m, of `nodePairs`
 
   /// @throws Cancelled  soon after `cancel` became true
   explicit LinkGrid(const TriangleMesh& mesh, const std::atomic<bool>* cancel = nullptr);
@@ -59,10 +68,8 @@ struct LinkGrid {
   /// For the kernels, which so gather half as often: per node its distance in the low half and that of the next node
   /// along x in the high one, in units, rounded down; what sixteen bits cannot hold is cut off at their ends.
   std::vector<std::int32_t> nodePairs;
-  /// Per node: a direction g in the link frame, in 1 / kDirectionUnit, and a height h in units, rounded down. The part
-  /// of the surface that is left within kPlaneReach of the node n does not rise above the plane g.(x - n) = -h, so that
-  /// what lies at q stays g.(q - n) + h or more from that part. (-kPlaneReach stands where nothing is known.)
-  std::vector<std::array<std::int16_t, 4>> planes;
+  Planes planes;           // on the same lattice
+  Planes blockPlanes;      // with wider steps and reach, for blocks of triangles
   bool closed = false;     // oriented outward and without boundary
   Eigen::Vector3d center;  // of the bounding sphere
   double radius = 0;       // m

@@ -130,8 +130,9 @@ void addSpheresAround(const SphereTree::Spheres& inner, std::size_t count, Spher
   }
 }
 
+constexpr float kNowhere = 1e6;  // m
+
 void pad(SphereTree::Spheres& spheres) {
-  constexpr double kNowhere = 1e6;  // m
   while (spheres.size() % kWidth != 0) spheres.add(Vector3d::Constant(kNowhere), 0);
 }
 
@@ -248,6 +249,17 @@ ObjectShell::ObjectShell(const ObjectModel& object) : closed(object.watertight) 
     source.push_back(piece.source);
   }
   triangleTree = makeTree(spheres);
+  for (std::size_t block = 0; block < triangleTree.blocks.size(); ++block) {
+    Eigen::AlignedBox3f box;
+    for (std::size_t i = kWidth * block; i < std::min(triangle.size(), kWidth * (block + 1)); ++i) {
+      for (int k = 0; k < 9; k += 3) box.extend(Eigen::Map<const Eigen::Vector3f>(&triangle[i].value[k]));
+    }
+    if (box.isEmpty()) box = Eigen::AlignedBox3f(Eigen::Vector3f::Constant(kNowhere));
+    for (int k = 0; k < 3; ++k) {
+      triangleBox[k].push_back(box.center()[k]);
+      triangleBox[3 + k].push_back(0.5F * box.sizes()[k] * 1.00001F + 1e-7F);
+    }
+  }
 
   std::vector<std::array<double, 3>> corners;
   for (const SmallTriangle& piece : pieces) {

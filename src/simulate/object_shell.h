@@ -56,6 +56,7 @@ struct ObjectShell {
   std::array<std::vector<float>, 3> point;
 
   SphereTree triangleTree;
+  std::array<std::vector<float>, 6> triangleBox;  // around its blocks: centers, half sizes
   std::array<std::vector<float>, 4>
       sphere;                         // bounding spheres of the small triangles: x, y, z, radius; block b at 16 b
   std::vector<Record> triangle;       // the small triangles: corners (9), unit normal outward (3), sphere (4)
