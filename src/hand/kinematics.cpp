@@ -17,6 +17,23 @@ Eigen::VectorXd followMimics(const Mechanism& mechanism, Eigen::VectorXd jointPo
   return jointPosition;
 }
 
+namespace {
+
+Eigen::Isometry3d poseInParent(const Mechanism& mechanism, const Link& link, const Eigen::VectorXd& jointPosition) {
+  if (link.joint < 0) return link.X_PL;
+  const Joint& joint = mechanism.joints[link.joint];
+  const double q = jointPosition[link.joint];
+  Eigen::Isometry3d X_PL = joint.X_PJ;
+  if (joint.type == JointType::revolute) {
+    X_PL.rotate(Eigen::AngleAxisd(q, joint.axis));
+  } else {
+    X_PL.translate(q * joint.axis);
+  }
+  return X_PL;
+}
+
+}  // namespace
+
 std::vector<Eigen::Isometry3d> forwardKinematics(const Mechanism& mechanism, const Eigen::VectorXd& jointPosition) {
   std::vector<Eigen::Isometry3d> X_HL;
   forwardKinematics(mechanism, jointPosition, X_HL);
@@ -28,18 +45,15 @@ void forwardKinematics(const Mechanism& mechanism, const Eigen::VectorXd& jointP
   X_HL.assign(mechanism.links.size(), Eigen::Isometry3d::Identity());
   for (std::size_t i = 1; i < mechanism.links.size(); ++i) {
     const Link& link = mechanism.links[i];
-    Eigen::Isometry3d X_PL = link.X_PL;
-    if (link.joint >= 0) {
-      const Joint& joint = mechanism.joints[link.joint];
-      const double q = jointPosition[link.joint];
-      X_PL = joint.X_PJ;
-      if (joint.type == JointType::revolute) {
-        X_PL.rotate(Eigen::AngleAxisd(q, joint.axis));
-      } else {
-        X_PL.translate(q * joint.axis);
-      }
-    }
-    X_HL[i] = X_HL[link.parentLink] * X_PL;
+    X_HL[i] = X_HL[link.parentLink] * poseInParent(mechanism, link, jointPosition);
+  }
+}
+
+void updateKinematics(const Mechanism& mechanism, const Eigen::VectorXd& jointPosition, std::span<const int> links,
+                      std::vector<Eigen::Isometry3d>& X_HL) {
+  for (const int i : links) {
+    const Link& link = mechanism.links[i];
+    X_HL[i] = X_HL[link.parentLink] * poseInParent(mechanism, link, jointPosition);
   }
 }
 

@@ -3,6 +3,7 @@
 #include "mesh/triangle_mesh.h"
 
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -62,6 +63,10 @@ std::vector<Eigen::Isometry3d> forwardKinematics(const Mechanism& mechanism, con
 /// The same into `X_HL`, which keeps its memory.
 void forwardKinematics(const Mechanism& mechanism, const Eigen::VectorXd& jointPosition,
                        std::vector<Eigen::Isometry3d>& X_HL);
+
+/// Brings `links`, ascending, in `X_HL` up to date; the other links must be.
+void updateKinematics(const Mechanism& mechanism, const Eigen::VectorXd& jointPosition, std::span<const int> links,
+                      std::vector<Eigen::Isometry3d>& X_HL);
 
 /// For every link, whether it moves when `joint` moves; `withFollowers`: together with all that mimic it.
 std::vector<bool> linksMovedBy(const Mechanism& mechanism, int joint, bool withFollowers);

@@ -25,11 +25,14 @@ Isometry3d palmPose(const Vector3d& position, const Vector3d& approach, double r
 namespace {
 
 Mover makeMover(const Hand& hand, int joint, int direction, bool withFollowers) {
-  Mover mover{joint, direction, {}, {}};
+  Mover mover{joint, direction, {}, {}, {}};
   if (withFollowers) mover.followers = followersOf(hand, joint);
   const std::vector<bool> moves = linksMovedBy(hand, joint, withFollowers);
   for (const int link : solidLinks(hand)) {
     if (moves[link]) mover.links.push_back(link);
+  }
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    if (moves[i]) mover.moved.push_back(static_cast<int>(i));
   }
   return mover;
 }

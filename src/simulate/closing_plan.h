@@ -16,6 +16,7 @@ struct Mover {
   int direction = 1;
   std::vector<int> followers;
   std::vector<int> links;  // with geometry
+  std::vector<int> moved;  // all links that move, ascending
 };
 
 /// What of a closing step moves.

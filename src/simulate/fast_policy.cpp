@@ -180,7 +180,7 @@ class FastPolicy final : public GraspPolicy {
       if (from >= motion.range) stop.position = trial.jointPosition[mover.joint];
     }
     place(hand_, mover, stop.position, trial.jointPosition);
-    forwardKinematics(hand_, trial.jointPosition, X_HL_);
+    updateKinematics(hand_, trial.jointPosition, mover.moved, X_HL_);
     return stop;
   }
 
