@@ -783,7 +783,7 @@ struct PlaneTest {
     last = {hn::Sub(frame.size.x, one), hn::Sub(frame.size.y, one), hn::Sub(frame.size.z, one)};
   }
 
-  /// In the frame of the points: near what lies at points q is a plane g.q + offset = 0.
+  /// In the frame of the points: what lies at q is g.q + offset above the plane of the node.
   struct Seen {
     V3 g;
     V offset;

@@ -41,7 +41,7 @@ struct Planes {
   static constexpr float kUnit = 1e-6F;  // m
 
   Lattice<std::array<std::int16_t, 4>> nodes;
-  float reach = 0;  // m; the lattice extends by as much beyond the surface, or `nodes` are those of another
+  float reach = 0;  // m
 };
 
 /// The signed distance to a link's surface, negative inside, on a lattice in the link frame, and the link's triangles
@@ -69,7 +69,7 @@ struct LinkGrid {
   /// along x in the high one, in units, rounded down; what sixteen bits cannot hold is cut off at their ends.
   std::vector<std::int32_t> nodePairs;
   Planes planes;           // on the same lattice
-  Planes blockPlanes;      // with wider steps and reach, for blocks of triangles
+  Planes blockPlanes;      // for blocks of triangles: wider steps, a lattice that extends by its reach beyond the link
   bool closed = false;     // oriented outward and without boundary
   Eigen::Vector3d center;  // of the bounding sphere
   double radius = 0;       // m
