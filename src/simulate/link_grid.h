@@ -51,7 +51,7 @@ struct Planes {
 /// nothing can touch them first.
 /// @note Immutable; safe from many threads.
 struct LinkGrid {
-  static constexpr double kBand = 6e-3;        // m
+  static constexpr double kBand = 4e-3;        // m
   static constexpr double kMargin = 4e-3;      // m, of the lattice around the link
   static constexpr double kOpenShrink = 0.75;  // lattice steps
   static constexpr float kUnit = 1e-6F;        // m, of `nodePairs`

@@ -37,7 +37,7 @@ SphereTree coverSurface(const TriangleMesh& mesh);
 /// relative to `center`, so that single precision holds to a few nanometres.
 /// @note Immutable; safe from many threads.
 struct ObjectShell {
-  static constexpr double kLongestEdge = 7e-3;            // m; longer triangles are split
+  static constexpr double kLongestEdge = 4.5e-3;          // m; longer triangles are split
   static constexpr double kSharpEdgeStep = 1.2e-3;        // m, between points along edges that stick out
   static constexpr std::size_t kMostTriangles = 400'000;  // with more the longest edge grows
 
