@@ -19,17 +19,22 @@ Eigen::VectorXd followMimics(const Mechanism& mechanism, Eigen::VectorXd jointPo
 
 namespace {
 
-Eigen::Isometry3d poseInParent(const Mechanism& mechanism, const Link& link, const Eigen::VectorXd& jointPosition) {
-  if (link.joint < 0) return link.X_PL;
-  const Joint& joint = mechanism.joints[link.joint];
-  const double q = jointPosition[link.joint];
-  Eigen::Isometry3d X_PL = joint.X_PJ;
-  if (joint.type == JointType::revolute) {
-    X_PL.rotate(Eigen::AngleAxisd(q, joint.axis));
-  } else {
-    X_PL.translate(q * joint.axis);
+/// From its parent's pose.
+void placeLink(const Mechanism& mechanism, std::size_t i, const Eigen::VectorXd& jointPosition,
+               std::vector<Eigen::Isometry3d>& X_HL) {
+  const Link& link = mechanism.links[i];
+  Eigen::Isometry3d X_PL = link.X_PL;
+  if (link.joint >= 0) {
+    const Joint& joint = mechanism.joints[link.joint];
+    const double q = jointPosition[link.joint];
+    X_PL = joint.X_PJ;
+    if (joint.type == JointType::revolute) {
+      X_PL.rotate(Eigen::AngleAxisd(q, joint.axis));
+    } else {
+      X_PL.translate(q * joint.axis);
+    }
   }
-  return X_PL;
+  X_HL[i] = X_HL[link.parentLink] * X_PL;
 }
 
 }  // namespace
@@ -43,18 +48,12 @@ std::vector<Eigen::Isometry3d> forwardKinematics(const Mechanism& mechanism, con
 void forwardKinematics(const Mechanism& mechanism, const Eigen::VectorXd& jointPosition,
                        std::vector<Eigen::Isometry3d>& X_HL) {
   X_HL.assign(mechanism.links.size(), Eigen::Isometry3d::Identity());
-  for (std::size_t i = 1; i < mechanism.links.size(); ++i) {
-    const Link& link = mechanism.links[i];
-    X_HL[i] = X_HL[link.parentLink] * poseInParent(mechanism, link, jointPosition);
-  }
+  for (std::size_t i = 1; i < mechanism.links.size(); ++i) placeLink(mechanism, i, jointPosition, X_HL);
 }
 
 void updateKinematics(const Mechanism& mechanism, const Eigen::VectorXd& jointPosition, std::span<const int> links,
                       std::vector<Eigen::Isometry3d>& X_HL) {
-  for (const int i : links) {
-    const Link& link = mechanism.links[i];
-    X_HL[i] = X_HL[link.parentLink] * poseInParent(mechanism, link, jointPosition);
-  }
+  for (const int i : links) placeLink(mechanism, static_cast<std::size_t>(i), jointPosition, X_HL);
 }
 
 std::vector<int> independentJoints(const Mechanism& mechanism) {

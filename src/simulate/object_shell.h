@@ -57,8 +57,7 @@ struct ObjectShell {
 
   SphereTree triangleTree;
   std::array<std::vector<float>, 6> triangleBox;  // around its blocks: centers, half sizes
-  std::array<std::vector<float>, 4>
-      sphere;                         // bounding spheres of the small triangles: x, y, z, radius; block b at 16 b
+  std::array<std::vector<float>, 4> sphere;       // around each small triangle: x, y, z, radius; block b at 16 b
   std::vector<Record> triangle;       // the small triangles: corners (9), unit normal outward (3), sphere (4)
   std::vector<std::uint32_t> source;  // the triangle of the object's mesh that a small one is part of
 

@@ -283,7 +283,6 @@ TEST_P(ClosedShape, NearTrianglesHoldAllWithinTheMargin) {
   ObjectModel object;
   object.mesh = test::box({0, 0, 0}, {0.04, 0.03, 0.02});
   const ObjectShell shell(object);
-  const std::set<std::uint32_t> kept = keptTriangles(m.grid);
   std::vector<std::uint32_t> blocks(shell.triangleTree.blocks.size() + kernels::kGroup);
   std::vector<std::uint32_t> scratch(shell.source.size() + kernels::kGroup), ids(scratch);
   std::size_t within = 0, found = 0;
